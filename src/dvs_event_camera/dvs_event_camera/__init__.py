@@ -1,0 +1,1 @@
+"""Event camera (DVS): luminosity or images in, precisely stamped polarity events out."""

@@ -1,0 +1,1 @@
+"""Zero-order-hold estimator and H-infinity / mu / peak-to-peak controller on polarity events."""

@@ -1,0 +1,1 @@
+"""Wire contract of the suite: parameter schema, message codecs, QoS, model types and the managed-node base."""

@@ -1,0 +1,28 @@
+"""Errors that name what is wrong: the parameter, its value and the rule that it breaks."""
+
+from __future__ import annotations
+
+
+class ParameterError(ValueError):
+    """A parameter, argument or field that breaks a rule.
+
+    Parameters
+    ----------
+    name
+        The parameter's name, as the user writes it.
+    value
+        The offending value.
+    rule
+        The rule that the value breaks, as the end of the sentence "name = value: rule".
+    """
+
+    def __init__(self, name: str, value: object, rule: str) -> None:
+        self.name = name
+        self.value = value
+        self.rule = rule
+        super().__init__(f'{name} = {_shorten(value)}: {rule}')
+
+
+def _shorten(value: object, limit: int = 120) -> str:
+    text = ' '.join(str(value).split())
+    return text if len(text) <= limit else text[: limit - 1] + '…'
