@@ -1,0 +1,315 @@
+"""The table of all parameters of the suite; the defaults are the scenario ``mirror_r3``."""
+
+from __future__ import annotations
+
+from dvs_interfaces.schema import (
+    NON_NEGATIVE,
+    POSITIVE,
+    Interval,
+    Kind,
+    ParameterSpec,
+    Schema,
+)
+
+PLANT = 'plant_sim'
+CAMERA = 'event_camera'
+CONTROLLER = 'hinf_controller'
+
+_PLANT = frozenset({PLANT})
+_CAMERA = frozenset({CAMERA})
+_CONTROLLER = frozenset({CONTROLLER})
+_LOOP = frozenset({PLANT, CONTROLLER})
+_PIXELS = frozenset({CAMERA, CONTROLLER})
+_ALL = frozenset({PLANT, CAMERA, CONTROLLER})
+
+_MODEL = (
+    ParameterSpec(
+        name='state_matrix',
+        kind=Kind.FLOATS,
+        default=(2.0, 10.0, 0.0, 5.0),
+        unit='1/s',
+        nodes=_LOOP,
+        description='State matrix A, n x n, row-major (paper, eq. 1)',
+    ),
+    ParameterSpec(
+        name='input_matrix',
+        kind=Kind.FLOATS,
+        default=(1.0, 1.0),
+        nodes=_LOOP,
+        description='Input matrix B, n x m, row-major (paper, eq. 1)',
+    ),
+    ParameterSpec(
+        name='output_vector',
+        kind=Kind.FLOATS,
+        default=(0.894427190999916, 0.447213595499958),
+        nodes=_LOOP,
+        description='Output vector c, n entries: gradient of the brightness profile (paper, eq. 1)',
+    ),
+    ParameterSpec(
+        name='pixel_offsets',
+        kind=Kind.FLOATS,
+        default=(0.0, 0.0, 0.01, 0.0, -0.01, 0.0),
+        nodes=_LOOP,
+        description='Pixel displacements dx, r x n, row-major over the pixel array (paper, eq. 1); '
+        'empty: a regular grid of pixel_pitch around pixel_origin',
+    ),
+    ParameterSpec(
+        name='pixel_pitch',
+        kind=Kind.FLOATS,
+        default=(),
+        nodes=_LOOP,
+        description='Displacement from one column to the next and from one row to the next, 2 x n, '
+        'row-major, of a regular pixel grid; only with empty pixel_offsets',
+    ),
+    ParameterSpec(
+        name='pixel_origin',
+        kind=Kind.FLOATS,
+        default=(),
+        nodes=_LOOP,
+        description='Displacement of the centre of a regular pixel grid, n entries (empty: 0); '
+        'along c it is a brightness offset; only with empty pixel_offsets',
+    ),
+    ParameterSpec(
+        name='pixel_grid',
+        kind=Kind.INTS,
+        default=(1, 3),
+        unit='pixels',
+        nodes=_LOOP,
+        interval=Interval(low=1, high=65535),
+        description='Rows and columns [height, width] of the pixel array; height x width = r',
+    ),
+    ParameterSpec(
+        name='initial_state',
+        kind=Kind.FLOATS,
+        default=(0.4821, 0.1572),
+        nodes=_LOOP,
+        description='Initial state x0 in original coordinates, n entries (paper, section IV)',
+    ),
+    ParameterSpec(
+        name='set_point',
+        kind=Kind.FLOATS,
+        default=(0.2321, -0.0928),
+        nodes=_LOOP,
+        description='Set-point x_d, n entries (paper, eq. 2)',
+    ),
+    ParameterSpec(
+        name='set_point_tolerance',
+        kind=Kind.FLOAT,
+        default=1e-3,
+        nodes=_LOOP,
+        interval=NON_NEGATIVE,
+        description='Largest accepted residual ||(I - B B^+) A x_d||; within it the nearest '
+        'stabilizable point is used',
+    ),
+    ParameterSpec(
+        name='tolerance',
+        kind=Kind.FLOAT,
+        default=0.05,
+        nodes=_LOOP,
+        interval=POSITIVE,
+        description='Tolerance eps: limsup ||x - x_d|| must stay below it (paper, Problem 1)',
+    ),
+)
+
+_SENSOR = (
+    ParameterSpec(
+        name='event_threshold',
+        kind=Kind.FLOAT,
+        default=0.15,
+        unit='log_b units',
+        nodes=_PIXELS,
+        interval=POSITIVE,
+        description='Event threshold h (paper, eq. 3)',
+    ),
+    ParameterSpec(
+        name='log_base',
+        kind=Kind.FLOAT,
+        default=2.718281828459045,
+        nodes=_PIXELS,
+        interval=Interval(low=1, low_open=True),
+        description='Base b of the logarithm (paper, eq. 4)',
+    ),
+    ParameterSpec(
+        name='reference_lower',
+        kind=Kind.FLOATS,
+        default=(),
+        unit='luminosity',
+        nodes=_PIXELS,
+        interval=POSITIVE,
+        description='Lower bounds m_i of the initial references, 1 or r entries (paper, A1); '
+        'empty: from reference_uncertainty',
+    ),
+    ParameterSpec(
+        name='reference_upper',
+        kind=Kind.FLOATS,
+        default=(),
+        unit='luminosity',
+        nodes=_PIXELS,
+        interval=POSITIVE,
+        description='Upper bounds M_i of the initial references, 1 or r entries (paper, A1); '
+        'empty: from reference_uncertainty',
+    ),
+    ParameterSpec(
+        name='reference_uncertainty',
+        kind=Kind.FLOAT,
+        default=0.002,
+        unit='luminosity',
+        nodes=_PIXELS,
+        interval=NON_NEGATIVE,
+        description='dy: m_i, M_i = |y_i(0)| -+ dy where reference_lower and reference_upper are '
+        'empty (paper, section IV)',
+    ),
+    ParameterSpec(
+        name='initial_reference',
+        kind=Kind.TEXT,
+        default='luminosity',
+        nodes=_CAMERA,
+        choices=('luminosity', 'lower', 'upper', 'random'),
+        description='Initial reference q_i(0): the first luminosity, m_i, M_i, or drawn '
+        'log-uniformly between them with seed',
+    ),
+    ParameterSpec(
+        name='photoreceptor',
+        kind=Kind.TEXT,
+        default='log',
+        nodes=_ALL,
+        choices=('log', 'signed_log'),
+        description='Pixel law: log of a positive luminosity, or the signed log of the paper\'s '
+        'example (no real sensor)',
+    ),
+    ParameterSpec(
+        name='dead_band',
+        kind=Kind.FLOAT,
+        default=1e-4,
+        unit='luminosity',
+        nodes=_ALL,
+        interval=POSITIVE,
+        description='With signed_log, |y| below which a pixel is silent (paper, Remark 5)',
+    ),
+)
+
+_RUN = (
+    ParameterSpec(
+        name='mode',
+        kind=Kind.TEXT,
+        default='lockstep',
+        nodes=_ALL,
+        choices=('lockstep', 'realtime'),
+        description='lockstep: sample k waits for command k, reproducible to the byte; realtime: '
+        'wall clock',
+    ),
+    ParameterSpec(
+        name='sampling_period',
+        kind=Kind.FLOAT,
+        default=1e-3,
+        unit='s',
+        nodes=_LOOP,
+        interval=Interval(low=1e-6, high=1.0),
+        description='Period of luminosity samples and commands, rounded to the nanosecond',
+    ),
+    ParameterSpec(
+        name='duration',
+        kind=Kind.FLOAT,
+        default=6.0,
+        unit='s',
+        nodes=_PLANT,
+        interval=NON_NEGATIVE,
+        description='Length of the run in simulated time; 0: for ever',
+    ),
+    ParameterSpec(
+        name='real_time_factor',
+        kind=Kind.FLOAT,
+        default=0.0,
+        nodes=_PLANT,
+        interval=NON_NEGATIVE,
+        dynamic=True,
+        description='Simulated seconds per wall-clock second in lockstep; 0: as fast as the '
+        'machine allows',
+    ),
+    ParameterSpec(
+        name='seed',
+        kind=Kind.INT,
+        default=0,
+        nodes=frozenset({PLANT, CAMERA}),
+        interval=Interval(low=0, high=2**63 - 1),
+        description='Seed of every random draw',
+    ),
+    ParameterSpec(
+        name='autostart',
+        kind=Kind.BOOL,
+        default=True,
+        nodes=_ALL,
+        description='Configure and activate by itself; otherwise wait for lifecycle transitions',
+    ),
+)
+
+_DISTURBANCE = (
+    ParameterSpec(
+        name='input_disturbance',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='input',
+        nodes=_PLANT,
+        interval=NON_NEGATIVE,
+        description='Standard deviation of Gaussian noise on every input, held for a sampling '
+        'period',
+    ),
+    ParameterSpec(
+        name='state_disturbance',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='state/sqrt(s)',
+        nodes=_PLANT,
+        interval=NON_NEGATIVE,
+        description='Intensity of a Gaussian random walk added to every state',
+    ),
+    ParameterSpec(
+        name='nonphysical_luminosity',
+        kind=Kind.TEXT,
+        default='stop',
+        nodes=_PLANT,
+        choices=('stop', 'clamp', 'publish'),
+        description='What the plant does when y <= 0 meets a physical pixel: end the run with an '
+        'error, publish dead_band instead, or publish y as it is',
+    ),
+    ParameterSpec(
+        name='command_timeout',
+        kind=Kind.FLOAT,
+        default=0.1,
+        unit='s',
+        nodes=_PLANT,
+        interval=POSITIVE,
+        description='Age at which a command is stale in realtime mode; in lockstep, time after '
+        'which a missing partner is named',
+    ),
+    ParameterSpec(
+        name='stale_command',
+        kind=Kind.TEXT,
+        default='hold',
+        nodes=_PLANT,
+        choices=('hold', 'equilibrium', 'stop'),
+        description='Realtime answer to a stale command: hold it, apply -B^+ A x_d, or end the run',
+    ),
+)
+
+_CONTROL = (
+    ParameterSpec(
+        name='method',
+        kind=Kind.TEXT,
+        default='unstructured',
+        nodes=_CONTROLLER,
+        choices=('unstructured',),
+        description='Synthesis method of the controller K (paper, Remark 3)',
+    ),
+    ParameterSpec(
+        name='command_limit',
+        kind=Kind.FLOATS,
+        default=(),
+        unit='input',
+        nodes=_CONTROLLER,
+        interval=POSITIVE,
+        description='Largest |u_o| of every input, 1 or m entries; empty: no limit',
+    ),
+)
+
+SCHEMA = Schema((*_MODEL, *_SENSOR, *_RUN, *_DISTURBANCE, *_CONTROL))
