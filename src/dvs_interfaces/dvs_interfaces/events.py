@@ -1,0 +1,155 @@
+"""What travels on ``events``: one packet of polarity events per luminosity sample.
+
+The record is 16 bytes so that any PointCloud2 tool can read it; docs/wire_contract.md has the table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_interfaces.cdr import CdrReader, CdrWriter, MessageError
+
+EVENT_DTYPE = np.dtype(
+    {
+        'names': ['x', 'y', 't', 'index', 'polarity', 'sign'],
+        'formats': ['<u2', '<u2', '<i4', '<u4', 'i1', 'i1'],
+        'offsets': [0, 2, 4, 8, 12, 13],
+        'itemsize': 16,
+    }
+)
+FRAME_ID = 'pixels'
+INDEX_MODULUS = 2**32
+LONGEST_INTERVAL_NS = 2**31 - 1
+
+# sensor_msgs/PointField datatypes.
+_INT8, _UINT16, _INT32, _UINT32 = 1, 4, 5, 6
+_FIELDS = (
+    ('x', 0, _UINT16),
+    ('y', 2, _UINT16),
+    ('t', 4, _INT32),
+    ('index', 8, _UINT32),
+    ('polarity', 12, _INT8),
+    ('sign', 13, _INT8),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventPacket:
+    """Events of one interval that ends at `stamp_ns`.
+
+    Parameters
+    ----------
+    stamp_ns
+        End of the interval covered, ns.
+    events
+        Records of `EVENT_DTYPE`, shape (E,), sorted by (t, y, x); ``t`` is in ns relative to
+        `stamp_ns`, <= 0; ``index`` is the running event number modulo 2^32.
+    """
+
+    stamp_ns: int
+    events: NDArray[np.void]
+
+
+def make_events(
+    *,
+    times_ns: NDArray[np.int64],
+    pixels: NDArray[np.integer],
+    polarities: NDArray[np.int8],
+    signs: NDArray[np.int8],
+    width: int,
+    stamp_ns: int,
+    first_index: int,
+) -> NDArray[np.void]:
+    """Records of `EVENT_DTYPE` from columns, shape (E,).
+
+    Two 64-bit words an event are some ten times as fast as filling the fields of a structured array.
+
+    Parameters
+    ----------
+    times_ns
+        Instants, ns, shape (E,).
+    pixels
+        Row-major pixel numbers, shape (E,).
+    polarities
+        +1 or -1, shape (E,).
+    signs
+        Sign of the reference, +1 or -1, shape (E,).
+    width
+        Columns of the pixel array.
+    stamp_ns
+        Stamp of the packet, ns.
+    first_index
+        Running number of the first event.
+    """
+    count = len(times_ns)
+    words = np.empty((count, 2), dtype='<u8')
+    row, column = np.divmod(pixels.astype(np.uint64), np.uint64(width))
+    relative = (times_ns - stamp_ns).astype(np.int32).view(np.uint32).astype(np.uint64)
+    words[:, 0] = column | row << np.uint64(16) | relative << np.uint64(32)
+    index = (first_index + np.arange(count, dtype=np.uint64)) % np.uint64(INDEX_MODULUS)
+    polarity = polarities.view(np.uint8).astype(np.uint64) << np.uint64(32)
+    words[:, 1] = index | polarity | signs.view(np.uint8).astype(np.uint64) << np.uint64(40)
+    return words.reshape(-1).view(EVENT_DTYPE)
+
+
+def pack_events(packet: EventPacket) -> bytes:
+    """Return `packet` as a serialized sensor_msgs/PointCloud2.
+
+    Parameters
+    ----------
+    packet
+        Events to publish.
+    """
+    data = np.ascontiguousarray(packet.events)
+    writer = CdrWriter()
+    writer.stamp(packet.stamp_ns)
+    writer.text(FRAME_ID)
+    writer.u32(1)
+    writer.u32(len(data))
+    writer.u32(len(_FIELDS))
+    for name, offset, datatype in _FIELDS:
+        writer.text(name)
+        writer.u32(offset)
+        writer.u8(datatype)
+        writer.u32(1)
+    writer.u8(0)
+    writer.u32(EVENT_DTYPE.itemsize)
+    writer.u32(EVENT_DTYPE.itemsize * len(data))
+    writer.octets(memoryview(data.view(np.uint8)).cast('B') if len(data) else b'')
+    writer.u8(1)
+    return writer.finish()
+
+
+def parse_events(message: bytes) -> EventPacket:
+    """Events of a serialized sensor_msgs/PointCloud2.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the layout is not the one of the wire contract, or the message is cut short.
+    """
+    reader = CdrReader(message)
+    stamp_ns = reader.stamp()
+    reader.text()
+    height, width = reader.u32(), reader.u32()
+    fields = []
+    for _ in range(reader.u32()):
+        fields.append((reader.text(), reader.u32(), reader.u8()))
+        reader.u32()
+    if not set(_FIELDS) <= set(fields):
+        raise MessageError(f'fields {fields} are not those of an event packet: {list(_FIELDS)}')
+    big_endian, point_step, _ = reader.u8(), reader.u32(), reader.u32()
+    data = reader.octets()
+    if big_endian or point_step != EVENT_DTYPE.itemsize:
+        raise MessageError(f'point_step {point_step} must be {EVENT_DTYPE.itemsize}, little-endian')
+    if len(data) != height * width * EVENT_DTYPE.itemsize:
+        raise MessageError(f'{height} x {width} events do not fit {len(data)} bytes of data')
+    return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=EVENT_DTYPE))

@@ -1,0 +1,318 @@
+"""The base of every node: lifecycle, checked parameters, and handlers that survive any message."""
+
+from __future__ import annotations
+
+import array
+import math
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.timer import Timer
+
+from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.parameters import SCHEMA
+from dvs_interfaces.scenario import Scenario
+from dvs_interfaces.schema import Kind, ParameterSpec, Value
+
+_ROS_TYPE = {
+    Kind.BOOL: Parameter.Type.BOOL,
+    Kind.INT: Parameter.Type.INTEGER,
+    Kind.FLOAT: Parameter.Type.DOUBLE,
+    Kind.TEXT: Parameter.Type.STRING,
+    Kind.INTS: Parameter.Type.INTEGER_ARRAY,
+    Kind.FLOATS: Parameter.Type.DOUBLE_ARRAY,
+}
+# Names that ROS itself puts into parameter files and overrides.
+_ROS_NAMES = ('use_sim_time', 'start_type_description_service')
+_ROS_PREFIXES = ('qos_overrides.',)
+
+
+class ManagedNode(LifecycleNode):
+    """Lifecycle node whose parameters are those of the suite's schema.
+
+    A subclass implements `configure` and may implement `activate` and `deactivate`. What it creates
+    with `advertise`, `listen` and `every` is destroyed on cleanup.
+
+    Parameters
+    ----------
+    executable
+        Name of the executable, and of the node unless it is remapped.
+    **node_arguments
+        Further arguments of `rclpy.node.Node`.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter's name is unknown or its value breaks its rule.
+    """
+
+    def __init__(self, executable: str, **node_arguments: Any) -> None:
+        super().__init__(
+            executable, automatically_declare_parameters_from_overrides=True, **node_arguments
+        )
+        self.exit_code: int | None = None
+        self.rejected_messages = 0
+        self.is_active = False
+        self._entities: list[tuple[Callable[[Any], object], Any]] = []
+        self._specs = SCHEMA.of_node(executable)
+        self._foreign = self._declare_parameters()
+        self.add_on_set_parameters_callback(self._check_change)
+
+    # -- what a subclass implements -------------------------------------------------------------
+
+    def configure(self, scenario: Scenario) -> None:
+        """Check the scenario, build the core and create publishers and subscriptions.
+
+        Parameters
+        ----------
+        scenario
+            All parameters, checked one by one.
+
+        Raises
+        ------
+        ParameterError
+            If parameters do not fit together.
+        """
+        raise NotImplementedError
+
+    def activate(self) -> None:
+        """Begin to act; called on activation."""
+
+    def deactivate(self) -> None:
+        """Stop acting and leave everything safe; called on deactivation."""
+
+    # -- what a subclass uses -------------------------------------------------------------------
+
+    def advertise(self, message_type: type, topic: str, qos: QoSProfile) -> Publisher:
+        """Publisher that cleanup destroys; takes serialized messages too.
+
+        Parameters
+        ----------
+        message_type
+            Class of the messages.
+        topic
+            Relative or absolute name.
+        qos
+            Quality of service.
+        """
+        publisher = self.create_publisher(message_type, topic, qos)
+        self._entities.append((self.destroy_publisher, publisher))
+        return publisher
+
+    def listen(
+        self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: QoSProfile
+    ) -> None:
+        """Subscribe to serialized messages; only an active node hears them.
+
+        A message that `handler` refuses with `MessageError` is counted and reported, once at
+        first and then at most every five seconds; it never ends the node.
+
+        Parameters
+        ----------
+        message_type
+            Class of the messages.
+        topic
+            Relative or absolute name.
+        handler
+            Called with the CDR bytes of each message.
+        qos
+            Quality of service.
+        """
+
+        def guarded(message: bytes) -> None:
+            if not self.is_active:
+                return
+            try:
+                handler(message)
+            except MessageError as error:
+                self.rejected_messages += 1
+                self.get_logger().error(
+                    f'message on {topic} refused ({self.rejected_messages} so far): {error}',
+                    throttle_duration_sec=5.0,
+                )
+
+        subscription = self.create_subscription(message_type, topic, guarded, qos, raw=True)
+        self._entities.append((self.destroy_subscription, subscription))
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
+        """Wall-clock timer that cleanup destroys; it only calls back while the node is active.
+
+        Parameters
+        ----------
+        period_s
+            Period, s.
+        callback
+            Called without arguments.
+        """
+
+        def guarded() -> None:
+            if self.is_active:
+                callback()
+
+        timer = self.create_timer(period_s, guarded)
+        self._entities.append((self.destroy_timer, timer))
+        return timer
+
+    def finish(self, exit_code: int, reason: str) -> None:
+        """End the process after the current callback.
+
+        Parameters
+        ----------
+        exit_code
+            Exit code of the process; 0 is a success.
+        reason
+            One sentence for the log.
+        """
+        if self.exit_code is not None:
+            return
+        self.exit_code = exit_code
+        if exit_code:
+            self.get_logger().fatal(reason)
+        else:
+            self.get_logger().info(reason)
+
+    @property
+    def autostart(self) -> bool:
+        """Whether the node configures and activates by itself."""
+        return bool(self.get_parameter('autostart').value)
+
+    def scenario(self) -> Scenario:
+        """Return the scenario of the current parameter values.
+
+        Raises
+        ------
+        ParameterError
+            If a value breaks its rule.
+        """
+        own = {spec.name: self.get_parameter(spec.name).value for spec in self._specs}
+        return Scenario.from_values({**self._foreign, **own})
+
+    # -- lifecycle ------------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Configure; parameters that do not fit are reported in one message."""
+        try:
+            self.configure(self.scenario())
+        except ParameterError as error:
+            self.get_logger().fatal(str(error))
+            self._destroy_entities()
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the valves."""
+        self.is_active = True
+        self.activate()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the valves."""
+        self.deactivate()
+        self.is_active = False
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Free what configure made."""
+        self._destroy_entities()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop safely from whatever state."""
+        if self.is_active:
+            self.deactivate()
+            self.is_active = False
+        self._destroy_entities()
+        return super().on_shutdown(state)
+
+    def _destroy_entities(self) -> None:
+        while self._entities:
+            destroy, entity = self._entities.pop()
+            destroy(entity)
+
+    # -- parameters -----------------------------------------------------------------------------
+
+    def _declare_parameters(self) -> dict[str, Value]:
+        """Declare this node's parameters; return the checked values of other nodes' ones."""
+        overrides = {
+            name: parameter.value
+            for name, parameter in self.get_parameters_by_prefix('').items()
+            if name not in _ROS_NAMES and not name.startswith(_ROS_PREFIXES)
+        }
+        for name in overrides:
+            self.undeclare_parameter(name)
+        overrides = {name: _plain(value) for name, value in overrides.items()}
+        values = SCHEMA.validate(overrides)
+        for spec in self._specs:
+            self.declare_parameter(
+                spec.name,
+                Parameter(spec.name, _ROS_TYPE[spec.kind], _ros_value(spec, values)).value,
+                _descriptor(spec),
+                ignore_override=True,
+            )
+        own = {spec.name for spec in self._specs}
+        return {name: values[name] for name in overrides if name not in own}
+
+    def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
+        specs = {spec.name: spec for spec in self._specs}
+        for parameter in parameters:
+            spec = specs.get(parameter.name)
+            if spec is None:
+                continue
+            if self.is_active and not spec.dynamic:
+                return SetParametersResult(
+                    successful=False,
+                    reason=f'{spec.name} can only change while the node is not active',
+                )
+            try:
+                spec.validate(_plain(parameter.value))
+            except ParameterError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, array.array) else value
+
+
+def _ros_value(spec: ParameterSpec, values: dict[str, Value]) -> Any:
+    value = values[spec.name]
+    if spec.kind is Kind.FLOATS:
+        return array.array('d', value)  # type: ignore[arg-type]
+    if spec.kind is Kind.INTS:
+        return array.array('q', value)  # type: ignore[arg-type]
+    return value
+
+
+def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
+    unit = f' [{spec.unit}]' if spec.unit else ''
+    descriptor = ParameterDescriptor(
+        name=spec.name,
+        type=_ROS_TYPE[spec.kind].value,
+        description=spec.description + unit,
+        additional_constraints=spec.rule,
+    )
+    low, high = spec.interval.low, spec.interval.high
+    if spec.kind is Kind.FLOAT and (math.isfinite(low) or math.isfinite(high)):
+        largest = sys.float_info.max
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=max(low, -largest), to_value=min(high, largest))
+        ]
+    if spec.kind is Kind.INT and (math.isfinite(low) or math.isfinite(high)):
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=int(max(low, -(2.0**62))), to_value=int(min(high, 2.0**63 - 1024))
+            )
+        ]
+    return descriptor

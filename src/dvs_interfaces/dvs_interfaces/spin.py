@@ -1,0 +1,108 @@
+"""The one executor loop of all nodes: fast, and ended cleanly by SIGINT, SIGTERM or a node.
+
+`rclpy.experimental.EventsExecutor` turns the loop several times as fast as the default executor,
+which rebuilds its wait set at every turn. Its `spin()` and its `spin_once()` without a timeout
+deadlock in rclpy 7.1, so the loop here always gives a timeout; see docs/architecture.md.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from types import FrameType
+
+import rclpy
+from rclpy.exceptions import RCLError
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.managed_node import ManagedNode
+
+# Longest wait for a message, and so the longest delay of a signal.
+_TURN_S = 0.1
+_USAGE_ERROR = 2
+
+
+class StopSignal:
+    """Remembers SIGINT and SIGTERM, which end a node in order instead of with a traceback."""
+
+    def __init__(self) -> None:
+        self.received = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._receive)
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self.received = True
+
+
+def run_nodes(
+    factories: Sequence[Callable[[], ManagedNode]], arguments: Sequence[str] | None = None
+) -> int:
+    """Start nodes, spin until a signal or until one of them finishes, and take them down.
+
+    Parameters
+    ----------
+    factories
+        Each makes one node.
+    arguments
+        Command line with ROS arguments; `sys.argv` by default.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after a signal or a successful finish, 2 if the nodes can't start.
+    """
+    stop = StopSignal()
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except (RCLError, RuntimeError) as error:
+        print(f'cannot start: {" ".join(str(error).split())}', file=sys.stderr)
+        return _USAGE_ERROR
+    nodes: list[ManagedNode] = []
+    try:
+        for factory in factories:
+            nodes.append(factory())
+        return _spin(nodes, stop)
+    except ParameterError as error:
+        print(f'cannot start: {error}', file=sys.stderr)
+        return _USAGE_ERROR
+    except ExternalShutdownException:
+        return 0
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        for node in nodes:
+            node.trigger_shutdown()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _spin(nodes: Sequence[ManagedNode], stop: StopSignal) -> int:
+    executor = EventsExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        for node in nodes:
+            if node.autostart and not _start(node):
+                return _USAGE_ERROR
+        while not stop.received and rclpy.ok():
+            executor.spin_once(timeout_sec=_TURN_S)
+            for node in nodes:
+                if node.exit_code is not None:
+                    return node.exit_code
+        return 0
+    finally:
+        for node in nodes:
+            executor.remove_node(node)
+        executor.shutdown()
+
+
+def _start(node: ManagedNode) -> bool:
+    return (
+        node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        and node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    )

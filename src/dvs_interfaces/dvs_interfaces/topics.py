@@ -1,0 +1,63 @@
+"""Topic names and quality of service of the wire contract."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+LUMINOSITY = 'luminosity'
+EVENTS = 'events'
+POLARITY = 'polarity'
+EVENT_IMAGE = 'event_image'
+KEYFRAME = 'keyframe'
+COMMAND = 'command'
+STATE = 'state'
+ESTIMATE = 'estimate'
+CLOCK = '/clock'
+DIAGNOSTICS = '/diagnostics'
+
+_DEPTH = 100
+
+
+def stream_qos() -> QoSProfile:
+    """QoS of a stream that must not lose a message: reliable, volatile, deep."""
+    return QoSProfile(
+        depth=_DEPTH,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def latched_qos(depth: int = _DEPTH) -> QoSProfile:
+    """QoS of a stream whose last messages wait for whoever comes late: reliable, transient local.
+
+    Parameters
+    ----------
+    depth
+        Number of messages that wait.
+    """
+    return QoSProfile(
+        depth=depth,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def handshake_qos(mode: str) -> QoSProfile:
+    """QoS of ``events`` and ``command``, the two messages that a lockstep partner waits for.
+
+    In lockstep they are latched: the one token in flight is not lost if its reader is matched late,
+    so that start order does not matter. In realtime they are volatile, which every driver offers.
+
+    Parameters
+    ----------
+    mode
+        ``lockstep`` or ``realtime``.
+    """
+    return latched_qos() if mode == 'lockstep' else stream_qos()
+
+
+def clock_qos() -> QoSProfile:
+    """QoS of /clock, as rclpy's own time source asks for it."""
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

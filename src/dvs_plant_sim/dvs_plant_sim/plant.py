@@ -1,0 +1,98 @@
+"""The plant between samples: exact propagation under an input that is held constant."""
+
+from __future__ import annotations
+
+import numpy as np
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.model import FloatArray, PlantModel, finite_array
+from scipy.linalg import expm
+
+_NANOSECOND_S = 1e-9
+
+
+class Plant:
+    """State of ``xdot = A x + B u`` at integer nanoseconds, advanced without discretisation error.
+
+    One matrix exponential of ``[[A, B], [0, 0]]`` a step length gives both the transition and the
+    input matrix (Van Loan, IEEE TAC 23(3), 1978); the sampling period's is computed once.
+
+    Parameters
+    ----------
+    model
+        A, B, c.
+    initial_state
+        x at time 0, shape (n,).
+    period_ns
+        Usual step, ns.
+    input_disturbance
+        Standard deviation of Gaussian noise on every input, held for a step.
+    state_disturbance
+        Intensity of a Gaussian random walk added to every state, state/sqrt(s).
+    seed
+        Seed of the disturbances.
+
+    Raises
+    ------
+    ParameterError
+        If the initial state has not n finite entries or the period is not positive.
+    """
+
+    def __init__(
+        self,
+        model: PlantModel,
+        *,
+        initial_state: FloatArray,
+        period_ns: int,
+        input_disturbance: float = 0.0,
+        state_disturbance: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        state = finite_array('initial_state', initial_state, ndim=1)
+        if state.size != model.state_count:
+            raise ParameterError(
+                'initial_state', state.tolist(), f'must have {model.state_count} entries'
+            )
+        if period_ns <= 0:
+            raise ParameterError('sampling_period', period_ns * _NANOSECOND_S, 'must be > 0')
+        self._model = model
+        self.state = state
+        self._period_ns = period_ns
+        self._period_step = _held_input_step(model, period_ns)
+        self._input_disturbance = input_disturbance
+        self._state_disturbance = state_disturbance
+        self._generator = np.random.default_rng(seed)
+
+    def advance(self, duration_ns: int, command: FloatArray) -> None:
+        """Move on by `duration_ns` with the input held at `command`.
+
+        Parameters
+        ----------
+        duration_ns
+            Length of the step, ns, >= 0.
+        command
+            u_o, shape (m,).
+        """
+        if duration_ns == 0:
+            return
+        if duration_ns == self._period_ns:
+            transition, gain = self._period_step
+        else:
+            transition, gain = _held_input_step(self._model, duration_ns)
+        if self._input_disturbance:
+            command = command + self._input_disturbance * self._generator.standard_normal(
+                command.size
+            )
+        state = transition @ self.state + gain @ command
+        if self._state_disturbance:
+            spread = self._state_disturbance * np.sqrt(duration_ns * _NANOSECOND_S)
+            state = state + spread * self._generator.standard_normal(state.size)
+        self.state = state
+
+
+def _held_input_step(model: PlantModel, duration_ns: int) -> tuple[FloatArray, FloatArray]:
+    n, m = model.state_count, model.input_count
+    generator = np.zeros((n + m, n + m))
+    generator[:n, :n] = model.state_matrix
+    generator[:n, n:] = model.input_matrix
+    step = expm(generator * (duration_ns * _NANOSECOND_S))
+    return step[:n, :n].copy(), step[:n, n:].copy()
