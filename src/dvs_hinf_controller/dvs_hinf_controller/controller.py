@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, finite_array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearController:
-    """``xc' = Ac xc + Bc e``, ``u = Cc xc + Dc e`` with the scalar ``e = mean(zbar_i)`` (paper, eq. 12).
+    """``xc' = Ac xc + Bc e``, ``u = Cc xc + Dc e`` with ``e = mean(zbar_i)`` (paper, eq. 20).
 
     An optimal controller acts on the mean alone, whatever the number of pixels: all pixels see the
     same ``c'x`` (docs/theory.md, "Reduction").

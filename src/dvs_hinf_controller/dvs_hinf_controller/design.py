@@ -1,0 +1,169 @@
+"""From a problem to a controller with every figure that tells what it promises."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.hinf_norm import hinf_norm
+from dvs_hinf_controller.methods import synthesis_method
+from dvs_hinf_controller.options import DesignOptions
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sampling import max_sampling_period
+from dvs_hinf_controller.state_space import state_response
+from dvs_hinf_controller.synthesis_error import Assumption, SynthesisError
+from dvs_hinf_controller.thresholds import (
+    event_threshold,
+    published_uncertainty,
+    small_gain_holds,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignFigures:
+    """Every figure of a design, all measured on the controller that is returned.
+
+    Parameters
+    ----------
+    gamma
+        ``sqrt(1 + ||c||^2) ||G||_inf``, the paper's unstructured norm; an upper bound.
+    dc_gain_w1
+        ``||Gw1(0)||``.
+    dc_gain_w2
+        ``||Gw2(0)||``.
+    hinf_gain_w1
+        ``||Gw1||_inf``, an upper bound.
+    delta_star
+        delta* (paper, Theorem 1).
+    h_star
+        h* (paper, Theorem 2), in logarithms to the problem's base.
+    small_gain_ok
+        Whether ``delta* ||Gw1||_inf < 1``.
+    controller_order
+        States of K.
+    fastest_pole
+        Largest magnitude of a pole of K, rad/s.
+    closed_loop_abscissa
+        Largest real part of a closed-loop pole, 1/s.
+    max_sampling_period
+        Longest period at which the sampled loop is stable with margin, s.
+    seconds
+        Time that the synthesis took, s.
+    """
+
+    gamma: float
+    dc_gain_w1: float
+    dc_gain_w2: float
+    hinf_gain_w1: float
+    delta_star: float
+    h_star: float
+    small_gain_ok: bool
+    controller_order: int
+    fastest_pole: float
+    closed_loop_abscissa: float
+    max_sampling_period: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """A controller, the problem that it answers and its figures.
+
+    Parameters
+    ----------
+    method
+        Name of the method that found it.
+    problem
+        What was asked.
+    controller
+        K on the mean of zbar.
+    figures
+        What it promises.
+    """
+
+    method: str
+    problem: DesignProblem
+    controller: LinearController
+    figures: DesignFigures
+
+
+def design_controller(
+    problem: DesignProblem, *, method: str = 'structured', options: DesignOptions | None = None
+) -> Design:
+    """Synthesise a controller and measure it.
+
+    Parameters
+    ----------
+    problem
+        Plant, set-point, pixels, tolerance.
+    method
+        Key of `METHODS`.
+    options
+        Trade between optimality and speed.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method.
+    SynthesisError
+        If no controller exists; names the assumption that fails.
+    """
+    strategy = synthesis_method(method)
+    start = time.perf_counter()
+    controller = strategy.synthesize(problem, options or DesignOptions())
+    seconds = time.perf_counter() - start
+    return Design(
+        method=method,
+        problem=problem,
+        controller=controller,
+        figures=measure(problem, controller, seconds=seconds),
+    )
+
+
+def measure(
+    problem: DesignProblem, controller: LinearController, *, seconds: float = 0.0
+) -> DesignFigures:
+    """Figures of any controller for `problem`, by methods that its synthesis did not use.
+
+    Parameters
+    ----------
+    problem
+        What is asked.
+    controller
+        K on the mean of zbar.
+    seconds
+        Time that its synthesis took, to be passed on.
+
+    Raises
+    ------
+    SynthesisError
+        If the closed loop is not stable.
+    """
+    g = state_response(problem.model, controller)
+    abscissa = float(np.max(g.poles().real))
+    if not abscissa < 0:
+        raise SynthesisError(
+            Assumption.CONFIRMATION, f'a closed-loop pole has real part {abscissa:.3g}'
+        )
+    c_norm = float(np.linalg.norm(problem.model.output_vector))
+    norm = hinf_norm(g)
+    dc_gain = float(np.linalg.norm(g.response(np.zeros(1))[0]))
+    delta_star = published_uncertainty(problem, dc_gain_w1=c_norm * dc_gain, dc_gain_w2=dc_gain)
+    return DesignFigures(
+        gamma=math.sqrt(1 + c_norm**2) * norm.upper,
+        dc_gain_w1=c_norm * dc_gain,
+        dc_gain_w2=dc_gain,
+        hinf_gain_w1=c_norm * norm.upper,
+        delta_star=delta_star,
+        h_star=event_threshold(problem, delta_star),
+        small_gain_ok=small_gain_holds(delta_star, c_norm * norm.upper),
+        controller_order=controller.order,
+        fastest_pole=float(np.max(np.abs(np.linalg.eigvals(controller.state_matrix)), initial=0)),
+        closed_loop_abscissa=abscissa,
+        max_sampling_period=max_sampling_period(problem.model, controller),
+        seconds=seconds,
+    )

@@ -1,0 +1,82 @@
+"""The synthesis methods by name; users add their own to the registry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.options import DesignOptions
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.rolled_off import synthesize_rolled_off
+from dvs_interfaces.errors import ParameterError
+
+
+class SynthesisMethod(Protocol):
+    """A way to find a controller; what it promises is measured afterwards."""
+
+    @property
+    def name(self) -> str:
+        """Name by which the user asks for it."""
+
+    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
+        """Find a controller K on the mean of zbar.
+
+        Parameters
+        ----------
+        problem
+            What is asked.
+        options
+            What may be paid.
+
+        Raises
+        ------
+        SynthesisError
+            If there is none; names the assumption that fails.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Unstructured:
+    """Minimise ``sup_w ||G(jw)||``: H-infinity synthesis (paper, section IV.A)."""
+
+    name: str = 'unstructured'
+
+    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
+        """Find a controller K on the mean of zbar.
+
+        Parameters
+        ----------
+        problem
+            Its plant alone matters.
+        options
+            Slack, bandwidth limit, process noise.
+
+        Raises
+        ------
+        SynthesisError
+            If there is none; names the assumption that fails.
+        """
+        return synthesize_rolled_off(problem.model, options).controller
+
+
+METHODS: dict[str, SynthesisMethod] = {method.name: method for method in (Unstructured(),)}
+
+
+def synthesis_method(name: str) -> SynthesisMethod:
+    """Return the registered method called `name`.
+
+    Parameters
+    ----------
+    name
+        Key of `METHODS`.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method; lists those that there are.
+    """
+    try:
+        return METHODS[name]
+    except KeyError:
+        raise ParameterError('method', name, f'must be one of {", ".join(METHODS)}') from None

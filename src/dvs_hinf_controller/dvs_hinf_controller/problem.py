@@ -1,0 +1,83 @@
+"""What a design answers: plant, set-point, pixels, what is known of q(0), tolerance and base."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel, ReferenceBounds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignProblem:
+    """Regulate ``x`` to within `tolerance` of the set-point by events (paper, Problem 1).
+
+    Parameters
+    ----------
+    model
+        Plant and brightness gradient.
+    equilibrium
+        Stabilizable set-point x_d and the input that holds it.
+    scene
+        Brightness offsets ``c'dx_i`` of the r pixels.
+    bounds
+        m and M of every pixel; m = M where q(0) is known.
+    tolerance
+        eps > 0: wanted bound on ``||x - x_d||`` as time goes to infinity, in the unit of x.
+    log_base
+        b > 1.
+
+    Raises
+    ------
+    ParameterError
+        If a size or range does not fit.
+    """
+
+    model: PlantModel
+    equilibrium: Equilibrium
+    scene: PixelScene
+    bounds: ReferenceBounds
+    tolerance: float
+    log_base: float
+
+    def __post_init__(self) -> None:
+        """Check sizes and ranges."""
+        if self.equilibrium.state.size != self.model.state_count:
+            raise ParameterError(
+                'set_point',
+                self.equilibrium.state.tolist(),
+                f'must have {self.model.state_count} entries',
+            )
+        if self.bounds.lower.size != self.scene.pixel_count:
+            raise ParameterError(
+                'reference_lower',
+                self.bounds.lower.shape,
+                f'must have one entry for each of the {self.scene.pixel_count} pixels',
+            )
+        if not 0 < self.tolerance < math.inf:
+            raise ParameterError('tolerance', self.tolerance, 'must be > 0 and finite')
+        if not 1 < self.log_base < math.inf:
+            raise ParameterError('log_base', self.log_base, 'must be > 1 and finite')
+
+    @property
+    def set_point_luminosity(self) -> FloatArray:
+        """``D_i = c'(x_d + dx_i)``, shape (r,): luminosity at the set-point (paper, eq. 17)."""
+        return self.scene.luminosity(self.model, self.equilibrium.state)
+
+    @property
+    def rms_luminosity(self) -> float:
+        """``||D|| / sqrt(r)`` (paper, Theorem 1)."""
+        return float(np.sqrt(np.mean(self.set_point_luminosity**2)))
+
+    @property
+    def mean_luminosity(self) -> float:
+        """``Dbar = mean |D_i|``: what reaches a controller that acts on the mean."""
+        return float(np.mean(np.abs(self.set_point_luminosity)))
+
+    @property
+    def worst_reference_ratio(self) -> float:
+        """``min_i m_i / M_i`` (paper, Theorem 2)."""
+        return float(np.min(self.bounds.lower / self.bounds.upper))

@@ -1,0 +1,141 @@
+"""H-infinity synthesis of the reduced problem, as slow as the slack allows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.hinf_synthesis import (
+    HinfSynthesis,
+    gamma_test,
+    hinf_synthesis,
+)
+from dvs_hinf_controller.options import DesignOptions
+from dvs_hinf_controller.reduced import reduced_plant
+from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
+from dvs_interfaces.model import PlantModel
+
+# Roll-offs that are tried, relative to the plant's own rate.
+_FASTEST = 1e4
+_SLOWEST = 0.1
+_BANDWIDTH_RTOL = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RolledOff:
+    """A controller and the level of the weighted problem that it guarantees.
+
+    Parameters
+    ----------
+    controller
+        K on the mean of zbar.
+    gamma
+        Level of the weighted, regularised problem that K stays below.
+    gamma_optimal
+        Least level without a noticeable roll-off.
+    bandwidth
+        Roll-off frequency that was used, rad/s.
+    """
+
+    controller: LinearController
+    gamma: float
+    gamma_optimal: float
+    bandwidth: float
+
+
+def plant_rate(model: PlantModel) -> float:
+    """The plant's own rate: its fastest mode, 1 rad/s for pure integrators.
+
+    Parameters
+    ----------
+    model
+        Plant.
+    """
+    rate = float(np.max(np.abs(np.linalg.eigvals(model.state_matrix))))
+    return rate if rate > 1e-9 else 1.0
+
+
+def synthesize_rolled_off(
+    model: PlantModel,
+    options: DesignOptions,
+    *,
+    weight: StateSpace | None = None,
+    output_weight: StateSpace | None = None,
+) -> RolledOff:
+    """Controller within the slack of the optimum, as slow as the slack allows.
+
+    The roll-off is a cost on u that meets the cost on x at ``bandwidth``. One half of the slack
+    pays for it, the other keeps the central controller away from the singular optimum.
+
+    Parameters
+    ----------
+    model
+        Plant.
+    options
+        Slack, limit of the bandwidth, process noise.
+    weight
+        Scalar weight on w; see `reduced_plant`.
+    output_weight
+        Scalar weight on c'x; see `reduced_plant`.
+
+    Raises
+    ------
+    SynthesisError
+        If the plant is not stabilizable or not detectable, or double precision does not suffice.
+    """
+    rate = plant_rate(model)
+    noise = options.process_noise * rate / float(np.linalg.norm(model.output_vector))
+    gain = max(float(np.linalg.norm(model.input_matrix, 2)), 1e-300)
+
+    def plant(bandwidth: float) -> GeneralizedPlant:
+        return reduced_plant(
+            model,
+            input_cost=gain / bandwidth,
+            process_noise=noise,
+            weight=weight,
+            output_weight=output_weight,
+        )
+
+    optimal = hinf_synthesis(plant(_FASTEST * rate), slack=options.gamma_slack).gamma_optimal
+    level = optimal * (1 + options.gamma_slack / 2)
+    bandwidth = _slowest(
+        lambda trial: gamma_test(plant(trial), level).failure is None,
+        _SLOWEST * rate,
+        _FASTEST * rate,
+    )
+    if 0 < options.bandwidth_limit < bandwidth:
+        bandwidth = options.bandwidth_limit
+    synthesis = hinf_synthesis(plant(bandwidth), slack=options.gamma_slack / 2)
+    return RolledOff(
+        controller=as_controller(synthesis),
+        gamma=synthesis.gamma,
+        gamma_optimal=optimal,
+        bandwidth=bandwidth,
+    )
+
+
+def as_controller(synthesis: HinfSynthesis) -> LinearController:
+    """K of a problem with one measurement as a `LinearController`.
+
+    Parameters
+    ----------
+    synthesis
+        Result of `hinf_synthesis` on a reduced plant.
+    """
+    k = synthesis.controller
+    return LinearController(
+        state_matrix=k.a, input_vector=k.b[:, 0], output_matrix=k.c, feedthrough=k.d[:, 0]
+    )
+
+
+def _slowest(feasible: Callable[[float], bool], low: float, high: float) -> float:
+    if feasible(low):
+        return low
+    while high > low * (1 + _BANDWIDTH_RTOL):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if feasible(middle) else (middle, high)
+    return high

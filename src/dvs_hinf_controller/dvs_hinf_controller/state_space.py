@@ -1,0 +1,146 @@
+"""Small state-space systems: the generalized plant, stable scalar weights, the closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_hinf_controller.controller import LinearController
+from dvs_interfaces.model import FloatArray, PlantModel
+
+ComplexArray = np.typing.NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateSpace:
+    """``x' = a x + b w``, ``z = c x + d w``.
+
+    Parameters
+    ----------
+    a
+        Shape (n, n), 1/s.
+    b
+        Shape (n, q).
+    c
+        Shape (p, n).
+    d
+        Shape (p, q).
+    """
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
+
+    @classmethod
+    def constant(cls, gain: float) -> StateSpace:
+        """Static scalar gain.
+
+        Parameters
+        ----------
+        gain
+            The value at every frequency.
+        """
+        return cls(
+            a=np.zeros((0, 0)), b=np.zeros((0, 1)), c=np.zeros((1, 0)), d=np.array([[gain]])
+        )
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return int(self.a.shape[0])
+
+    def response(self, frequencies: FloatArray) -> ComplexArray:
+        """Frequency response, shape (len(frequencies), p, q).
+
+        Parameters
+        ----------
+        frequencies
+            w, shape (f,), rad/s.
+        """
+        pencil = 1j * np.asarray(frequencies)[:, None, None] * np.eye(self.order) - self.a
+        right = np.broadcast_to(self.b, (len(pencil), *self.b.shape))
+        return np.asarray(self.c @ np.linalg.solve(pencil, right) + self.d)
+
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of `a`, shape (n,)."""
+        return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeneralizedPlant:
+    """``x' = A x + B1 w + B2 u``, ``z = C1 x + D12 u``, ``y = C2 x + D21 w``.
+
+    D11 and D22 are zero, as in the paper's plant (eq. 19).
+
+    Parameters
+    ----------
+    a
+        Shape (n, n), 1/s.
+    b1
+        Disturbance matrix, shape (n, q).
+    b2
+        Input matrix, shape (n, m).
+    c1
+        Performance matrix, shape (p, n).
+    c2
+        Measurement matrix, shape (l, n).
+    d12
+        Shape (p, m).
+    d21
+        Shape (l, q).
+    """
+
+    a: FloatArray
+    b1: FloatArray
+    b2: FloatArray
+    c1: FloatArray
+    c2: FloatArray
+    d12: FloatArray
+    d21: FloatArray
+
+    def close(self, controller: StateSpace) -> StateSpace:
+        """Closed loop from w to z.
+
+        Parameters
+        ----------
+        controller
+            K from y to u.
+        """
+        b2k, k_c2 = self.b2 @ controller.c, controller.b @ self.c2
+        b2d, d12d = self.b2 @ controller.d, self.d12 @ controller.d
+        return StateSpace(
+            a=np.block([[self.a + b2d @ self.c2, b2k], [k_c2, controller.a]]),
+            b=np.vstack([self.b1 + b2d @ self.d21, controller.b @ self.d21]),
+            c=np.hstack([self.c1 + d12d @ self.c2, self.d12 @ controller.c]),
+            d=d12d @ self.d21,
+        )
+
+
+def state_response(model: PlantModel, controller: LinearController) -> StateSpace:
+    """``G``: from the mean disturbance w to the deviation x, with ``u = K (c'x + w)``.
+
+    ``T = c'G`` is the scalar channel that the sector closes (docs/theory.md, "Reduction").
+
+    Parameters
+    ----------
+    model
+        Plant.
+    controller
+        K on the mean of zbar.
+    """
+    n = model.state_count
+    b, c = model.input_matrix, model.output_vector[None, :]
+    d, bc = controller.feedthrough[:, None], controller.input_vector[:, None]
+    return StateSpace(
+        a=np.block(
+            [
+                [model.state_matrix + b @ d @ c, b @ controller.output_matrix],
+                [bc @ c, controller.state_matrix],
+            ]
+        ),
+        b=np.vstack([b @ d, bc]),
+        c=np.hstack([np.eye(n), np.zeros((n, controller.order))]),
+        d=np.zeros((n, 1)),
+    )
