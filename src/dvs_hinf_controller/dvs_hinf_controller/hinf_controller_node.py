@@ -13,9 +13,9 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Float64MultiArray
 
 from dvs_hinf_controller.design import design_controller
-from dvs_hinf_controller.design_report import start_up_report
 from dvs_hinf_controller.event_controller import EventController
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.start_up import start_up_report
 
 
 class HinfControllerNode(ManagedNode):
@@ -32,10 +32,14 @@ class HinfControllerNode(ManagedNode):
         self._command_limit = scenario.command_limit
         self._names = tuple(f'u{i + 1}' for i in range(self._problem.model.input_count))
         qos = topics.handshake_qos(scenario['mode'])
-        self._command = self.advertise(JointState, topics.COMMAND, qos)
-        self._estimate = self.advertise(Float64MultiArray, topics.ESTIMATE, topics.stream_qos())
+        self._command_publisher = self.advertise(JointState, topics.COMMAND, qos)
+        self._estimate_publisher = self.advertise(Float64MultiArray, topics.ESTIMATE, topics.stream_qos())
         self.listen(PointCloud2, topics.EVENTS, self._take, qos)
-        report = start_up_report(self._design, self._event_threshold)
+        report = start_up_report(
+            self._design,
+            event_threshold=self._event_threshold,
+            sampling_period=scenario['sampling_period'],
+        )
         self.get_logger().info(report.text)
         for warning in report.warnings:
             self.get_logger().warning(warning)
@@ -61,9 +65,9 @@ class HinfControllerNode(ManagedNode):
                 f'{report.lost_events} events were lost before {packet.stamp_ns * 1e-9:.6f} s '
                 f'({self._lost_events} in all): the estimate is biased'
             )
-        if self._estimate.get_subscription_count():
-            self._estimate.publish(pack_array(self._controller.estimate))
-        self._command.publish(
+        if self._estimate_publisher.get_subscription_count():
+            self._estimate_publisher.publish(pack_array(self._controller.estimate))
+        self._command_publisher.publish(
             pack_command(
                 Vector(
                     stamp_ns=packet.stamp_ns, names=self._names, values=self._controller.command

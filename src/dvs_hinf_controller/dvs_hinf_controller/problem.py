@@ -9,6 +9,7 @@ import numpy as np
 
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +62,32 @@ class DesignProblem:
             raise ParameterError('tolerance', self.tolerance, 'must be > 0 and finite')
         if not 1 < self.log_base < math.inf:
             raise ParameterError('log_base', self.log_base, 'must be > 1 and finite')
+
+    @classmethod
+    def from_scenario(cls, scenario: Scenario) -> DesignProblem:
+        """Problem that a scenario poses to a controller, which sees no luminosity.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters.
+
+        Raises
+        ------
+        ParameterError
+            If parameters do not fit together or the set-point is not stabilizable.
+        """
+        model = scenario.model
+        model.require_stabilizable()
+        model.require_detectable()
+        return cls(
+            model=model,
+            equilibrium=scenario.equilibrium,
+            scene=scenario.scene,
+            bounds=scenario.model_reference_bounds,
+            tolerance=scenario['tolerance'],
+            log_base=scenario['log_base'],
+        )
 
     @property
     def set_point_luminosity(self) -> FloatArray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from dvs_interfaces.errors import SuiteError
+
 
 class Assumption(str, Enum):
     """What H-infinity synthesis needs (Doyle, Glover, Khargonekar and Francis 1989)."""
@@ -20,7 +22,7 @@ class Assumption(str, Enum):
     CONFIRMATION = 'confirmation'
 
 
-class SynthesisError(RuntimeError):
+class SynthesisError(SuiteError, RuntimeError):
     """No controller, because an assumption fails.
 
     Parameters

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 
-class ParameterError(ValueError):
+class SuiteError(Exception):
+    """Anything that the user can mend: reported in one message, without a traceback."""
+
+
+class ParameterError(SuiteError, ValueError):
     """A parameter, argument or field that breaks a rule.
 
     Parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import array
 import math
 import sys
+import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -21,7 +22,7 @@ from rclpy.qos import QoSProfile
 from rclpy.timer import Timer
 
 from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.errors import ParameterError, SuiteError
 from dvs_interfaces.parameters import SCHEMA
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.schema import Kind, ParameterSpec, Value
@@ -196,17 +197,15 @@ class ManagedNode(LifecycleNode):
         ParameterError
             If a value breaks its rule.
         """
-        own = {spec.name: self.get_parameter(spec.name).value for spec in self._specs}
+        values = {spec.name: self.get_parameter_or(spec.name).value for spec in self._specs}
+        own = {name: _plain(value) for name, value in values.items() if value is not None}
         return Scenario.from_values({**self._foreign, **own})
 
     # -- lifecycle ------------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Configure; parameters that do not fit are reported in one message."""
-        try:
-            self.configure(self.scenario())
-        except ParameterError as error:
-            self.get_logger().fatal(str(error))
+        if not self._succeeds(lambda: self.configure(self.scenario())):
             self._destroy_entities()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
@@ -214,13 +213,14 @@ class ManagedNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the valves."""
         self.is_active = True
-        self.activate()
+        if not self._succeeds(self.activate):
+            self.is_active = False
+            return TransitionCallbackReturn.FAILURE
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the valves."""
-        self.deactivate()
-        self.is_active = False
+        self._stop_acting()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -230,11 +230,26 @@ class ManagedNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop safely from whatever state."""
-        if self.is_active:
-            self.deactivate()
-            self.is_active = False
+        self._stop_acting()
         self._destroy_entities()
         return super().on_shutdown(state)
+
+    def _succeeds(self, step: Callable[[], None]) -> bool:
+        """Run a transition's work; rclpy would swallow what goes wrong in it."""
+        try:
+            step()
+        except SuiteError as error:
+            self.get_logger().fatal(str(error))
+            return False
+        except Exception:
+            self.get_logger().fatal(f'unexpected error:\n{traceback.format_exc()}')
+            return False
+        return True
+
+    def _stop_acting(self) -> None:
+        if self.is_active:
+            self._succeeds(self.deactivate)
+            self.is_active = False
 
     def _destroy_entities(self) -> None:
         while self._entities:
@@ -255,12 +270,10 @@ class ManagedNode(LifecycleNode):
         overrides = {name: _plain(value) for name, value in overrides.items()}
         values = SCHEMA.validate(overrides)
         for spec in self._specs:
-            self.declare_parameter(
-                spec.name,
-                Parameter(spec.name, _ROS_TYPE[spec.kind], _ros_value(spec, values)).value,
-                _descriptor(spec),
-                ignore_override=True,
-            )
+            value = values[spec.name]
+            # rclpy can't tell the type of an empty list: such a parameter is declared unset.
+            declared = _ROS_TYPE[spec.kind] if value == () else value
+            self.declare_parameter(spec.name, declared, _descriptor(spec), ignore_override=True)
         own = {spec.name for spec in self._specs}
         return {name: values[name] for name in overrides if name not in own}
 
@@ -284,15 +297,6 @@ class ManagedNode(LifecycleNode):
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, array.array) else value
-
-
-def _ros_value(spec: ParameterSpec, values: dict[str, Value]) -> Any:
-    value = values[spec.name]
-    if spec.kind is Kind.FLOATS:
-        return array.array('d', value)  # type: ignore[arg-type]
-    if spec.kind is Kind.INTS:
-        return array.array('q', value)  # type: ignore[arg-type]
-    return value
 
 
 def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:

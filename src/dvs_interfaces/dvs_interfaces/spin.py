@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 import rclpy
-from rclpy.exceptions import RCLError
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -59,8 +58,8 @@ def run_nodes(
     stop = StopSignal()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, RuntimeError) as error:
-        print(f'cannot start: {" ".join(str(error).split())}', file=sys.stderr)
+    except RuntimeError as error:
+        print(f'cannot start: {_explained(str(error))}', file=sys.stderr)
         return _USAGE_ERROR
     nodes: list[ManagedNode] = []
     try:
@@ -79,6 +78,13 @@ def run_nodes(
             node.trigger_shutdown()
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _explained(rcl_error: str) -> str:
+    message = ' '.join(rcl_error.split())
+    if 'Sequence should be of same type' in message:
+        message += ' (ROS wants all numbers of a list alike: write 1.0 beside 0.5, not 1)'
+    return message
 
 
 def _spin(nodes: Sequence[ManagedNode], stop: StopSignal) -> int:

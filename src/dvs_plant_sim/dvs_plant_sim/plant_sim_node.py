@@ -44,11 +44,11 @@ class PlantSimNode(ManagedNode):
         self._period_ns = scenario.sampling_period_ns
         self._last_sample = scenario.sample_count
         self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
-        self._luminosity = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
-        self._state = self.advertise(JointState, topics.STATE, topics.stream_qos())
+        self._luminosity_publisher = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
+        self._state_publisher = self.advertise(JointState, topics.STATE, topics.stream_qos())
         qos = topics.handshake_qos(scenario['mode'])
         if scenario['mode'] == 'lockstep':
-            self._clock = self.advertise(Clock, topics.CLOCK, topics.clock_qos())
+            self._clock_publisher = self.advertise(Clock, topics.CLOCK, topics.clock_qos())
             self.listen(JointState, topics.COMMAND, self._step, qos)
             self.every(_RESEND_S, self._resend)
             self._due = self.every(1.0, self._publish_due)
@@ -90,8 +90,8 @@ class PlantSimNode(ManagedNode):
         image = luminosity.reshape(self._scene.height, self._scene.width)
         self._message = pack_image(stamp_ns, image, '64FC1')
         state = Vector(stamp_ns=stamp_ns, names=self._state_names, values=self._plant.state)
-        self._state.publish(pack_state(state))
-        self._luminosity.publish(self._message)
+        self._state_publisher.publish(pack_state(state))
+        self._luminosity_publisher.publish(self._message)
 
     def _nonphysical(self, stamp_ns: int, luminosity: FloatArray) -> FloatArray:
         self._nonphysical_samples += 1
@@ -123,7 +123,7 @@ class PlantSimNode(ManagedNode):
         self._resends = 0
         self._answered = False
         stamp_ns = self._sample * self._period_ns
-        self._clock.publish(pack_clock(stamp_ns))
+        self._clock_publisher.publish(pack_clock(stamp_ns))
         self._publish_sample(stamp_ns)
 
     def _step(self, message: bytes) -> None:
@@ -155,14 +155,14 @@ class PlantSimNode(ManagedNode):
             return
         self._resends += 1
         if self._resends > 1:
-            self._luminosity.publish(self._message)
+            self._luminosity_publisher.publish(self._message)
         if self._resends % _PATIENCE_RESENDS == 0:
             self.get_logger().warning(
                 f'sample {self._sample} waits for its command: {self._missing_partner()}'
             )
 
     def _missing_partner(self) -> str:
-        if not self._luminosity.get_subscription_count():
+        if not self._luminosity_publisher.get_subscription_count():
             return 'nobody subscribes to luminosity; is event_camera running?'
         if not self.count_publishers(topics.COMMAND):
             return 'nobody publishes command; is hinf_controller running?'
