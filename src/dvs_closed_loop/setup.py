@@ -20,6 +20,7 @@ setup(
     entry_points={
         'console_scripts': [
             'closed_loop = dvs_closed_loop.closed_loop:main',
+            'composed_loop = dvs_closed_loop.composed_loop:main',
         ],
     },
 )

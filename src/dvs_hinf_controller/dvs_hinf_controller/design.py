@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from dvs_interfaces.scenario import Scenario
 
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.hinf_norm import hinf_norm
@@ -122,6 +123,22 @@ def design_controller(
         controller=controller,
         figures=measure(problem, controller, seconds=seconds),
     )
+
+
+def design_from_scenario(scenario: Scenario) -> Design:
+    """Controller that a scenario asks for.
+
+    Parameters
+    ----------
+    scenario
+        Checked parameters.
+
+    Raises
+    ------
+    SuiteError
+        If parameters do not fit together or no controller exists.
+    """
+    return design_controller(DesignProblem.from_scenario(scenario), method=scenario['method'])
 
 
 def measure(

@@ -12,9 +12,8 @@ from dvs_interfaces.spin import run_nodes
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Float64MultiArray
 
-from dvs_hinf_controller.design import design_controller
+from dvs_hinf_controller.design import design_from_scenario
 from dvs_hinf_controller.event_controller import EventController
-from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.start_up import start_up_report
 
 
@@ -26,11 +25,10 @@ class HinfControllerNode(ManagedNode):
 
     def configure(self, scenario: Scenario) -> None:
         """Design the controller and report what it promises; see `ManagedNode.configure`."""
-        self._problem = DesignProblem.from_scenario(scenario)
-        self._design = design_controller(self._problem, method=scenario['method'])
+        self._design = design_from_scenario(scenario)
         self._event_threshold = scenario['event_threshold']
         self._command_limit = scenario.command_limit
-        self._names = tuple(f'u{i + 1}' for i in range(self._problem.model.input_count))
+        self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
         qos = topics.handshake_qos(scenario['mode'])
         self._command_publisher = self.advertise(JointState, topics.COMMAND, qos)
         self._estimate_publisher = self.advertise(Float64MultiArray, topics.ESTIMATE, topics.stream_qos())
@@ -47,7 +45,7 @@ class HinfControllerNode(ManagedNode):
     def activate(self) -> None:
         """Begin with what is known of the references before any event."""
         self._controller = EventController(
-            self._problem,
+            self._design.problem,
             self._design.controller,
             event_threshold=self._event_threshold,
             command_limit=self._command_limit,

@@ -15,6 +15,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -183,6 +184,12 @@ class ManagedNode(LifecycleNode):
             self.get_logger().fatal(reason)
         else:
             self.get_logger().info(reason)
+
+    def flush(self) -> None:
+        """Wait, for a second at most, until every reader has what was published."""
+        for _, entity in self._entities:
+            if isinstance(entity, Publisher):
+                entity.wait_for_all_acked(Duration(seconds=1))
 
     @property
     def autostart(self) -> bool:

@@ -1,0 +1,318 @@
+"""Command `closed_loop`: run a scenario as separate nodes, watch it, judge it."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import rclpy
+from dvs_hinf_controller.design import design_from_scenario
+from dvs_interfaces import topics
+from dvs_interfaces.errors import SuiteError
+from dvs_interfaces.messages import parse_command
+from dvs_interfaces.scenario import Scenario, load_scenario
+from dvs_interfaces.spin import StopSignal
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from tqdm import tqdm
+
+from dvs_closed_loop.figure import save_figure
+from dvs_closed_loop.processes import NodeProcess
+from dvs_closed_loop.recording import BagWriter
+from dvs_closed_loop.run_recorder import MESSAGE_TYPES, RunRecorder, type_name
+from dvs_closed_loop.trace import IncompleteTraceError, Trace, decode_trace
+from dvs_closed_loop.verdict import Verdict, judge
+
+_START_TIMEOUT_S = 30.0
+# After discovery in the graph, endpoints still need a moment to be matched on both sides.
+_SETTLE_S = 0.3
+_DRAIN_S = 0.3
+_NODES = (
+    ('dvs_event_camera', 'event_camera'),
+    ('dvs_hinf_controller', 'hinf_controller'),
+    ('dvs_plant_sim', 'plant_sim'),
+)
+_COMPOSED = (('dvs_closed_loop', 'composed_loop'),)
+
+
+class LoopError(SuiteError):
+    """A loop that could not start or broke off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopRun:
+    """What remains of a run.
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    verdict
+        Its figures.
+    """
+
+    trace: Trace
+    verdict: Verdict
+
+
+class LoopRunner:
+    """Starts the nodes of one scenario, lets them run and stops them.
+
+    Parameters
+    ----------
+    scenario
+        Checked parameters.
+    parameter_file
+        File with those parameters, which the nodes read themselves.
+    overrides
+        Parameters that differ from the file.
+    composed
+        Whether the three nodes share one process.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        parameter_file: Path,
+        overrides: dict[str, object],
+        *,
+        composed: bool,
+    ) -> None:
+        self._scenario = scenario
+        self._arguments = ['--ros-args', '--params-file', str(parameter_file)]
+        for name, value in overrides.items():
+            self._arguments += ['-p', f'{name}:={value}']
+        self._arguments += ['-p', 'plant_sim:autostart:=false']
+        self._programs = _COMPOSED if composed else _NODES
+        self._processes: list[NodeProcess] = []
+
+    def run(self, bag: BagWriter, stop: StopSignal) -> RunRecorder:
+        """Run the loop to its end or until `stop`; the nodes are gone afterwards.
+
+        Parameters
+        ----------
+        bag
+            Where the messages go.
+        stop
+            Ends the run early.
+
+        Raises
+        ------
+        LoopError
+            If a node fails, or the nodes do not find each other in time.
+        """
+        node = Node('closed_loop')
+        executor = EventsExecutor()
+        executor.add_node(node)
+        recorder = RunRecorder(node, self._scenario['mode'], bag)
+        try:
+            for package, executable in self._programs:
+                self._processes.append(NodeProcess(package, executable, self._arguments))
+            self._start_plant(node, executor, recorder, stop)
+            self._watch(executor, recorder, stop)
+            return recorder
+        finally:
+            for process in reversed(self._processes):
+                process.stop()
+            executor.remove_node(node)
+            executor.shutdown()
+            node.destroy_node()
+
+    def _start_plant(
+        self, node: Node, executor: EventsExecutor, recorder: RunRecorder, stop: StopSignal
+    ) -> None:
+        client = node.create_client(ChangeState, 'plant_sim/change_state')
+        self._wait(executor, stop, client.service_is_ready, 'plant_sim to answer')
+        self._change_state(client, executor, stop, Transition.TRANSITION_CONFIGURE)
+        self._wait(executor, stop, recorder.hears_every_node, 'all three nodes')
+        settled = time.monotonic() + _SETTLE_S
+        self._wait(executor, stop, lambda: time.monotonic() > settled, 'discovery')
+        self._change_state(client, executor, stop, Transition.TRANSITION_ACTIVATE)
+
+    def _change_state(
+        self, client: object, executor: EventsExecutor, stop: StopSignal, transition: int
+    ) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        future = client.call_async(request)  # type: ignore[attr-defined]
+        self._wait(executor, stop, future.done, 'plant_sim to change its state')
+        if future.done() and not future.result().success:
+            raise LoopError('plant_sim refused to start; its message is above')
+
+    def _wait(
+        self,
+        executor: EventsExecutor,
+        stop: StopSignal,
+        condition: Callable[[], bool],
+        awaited: str,
+    ) -> None:
+        deadline = time.monotonic() + _START_TIMEOUT_S
+        while not condition() and not stop.received:
+            if time.monotonic() > deadline:
+                raise LoopError(f'waited {_START_TIMEOUT_S:g} s in vain for {awaited}')
+            self._check_processes()
+            executor.spin_once(timeout_sec=0.05)
+
+    def _check_processes(self) -> None:
+        for process in self._processes:
+            if process.exit_code is not None:
+                raise LoopError(f'{process.name} ended with exit code {process.exit_code}')
+
+    def _watch(self, executor: EventsExecutor, recorder: RunRecorder, stop: StopSignal) -> None:
+        plant = self._processes[-1]
+        with _Progress(self._scenario['duration'], recorder) as progress:
+            while plant.exit_code is None and not stop.received:
+                for process in self._processes[:-1]:
+                    if process.exit_code is not None:
+                        raise LoopError(f'{process.name} ended with exit code {process.exit_code}')
+                _spin_for(executor, 0.1)
+                progress.update()
+            _spin_for(executor, _DRAIN_S)
+            progress.update()
+        if plant.exit_code:
+            raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
+
+
+class _Progress:
+    """Progress bar in simulated time, with event rate and real-time factor."""
+
+    def __init__(self, duration_s: float, recorder: RunRecorder) -> None:
+        self._recorder = recorder
+        self._start_ns: int | None = None
+        self._bar = tqdm(
+            total=duration_s or None,
+            unit='s',
+            desc='simulated time',
+            bar_format='{desc} {percentage:3.0f}% |{bar}| {n:.2f}/{total:.2f} s [{postfix}]',
+            file=sys.stderr,
+            disable=None,
+        )
+
+    def __enter__(self) -> _Progress:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Leave the finished bar on the screen."""
+        self._bar.close()
+
+    def update(self) -> None:
+        """Show how far the loop is."""
+        commands = self._recorder.messages[topics.COMMAND]
+        if not commands:
+            return
+        stamp_ns = parse_command(commands[-1]).stamp_ns
+        if self._start_ns is None:
+            self._start_ns = parse_command(commands[0]).stamp_ns
+        simulated_s = (stamp_ns - self._start_ns) * 1e-9
+        wall_s = max(self._recorder.wall_seconds, 1e-9)
+        self._bar.set_postfix_str(
+            f'{len(commands) / wall_s:.0f} cycles/s, {self._recorder.event_count / wall_s:.0f} '
+            f'events/s, {simulated_s / wall_s:.2f} x real time',
+            refresh=False,
+        )
+        self._bar.n = simulated_s
+        self._bar.refresh()
+
+
+def _spin_for(executor: EventsExecutor, seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while (remaining := deadline - time.monotonic()) > 0:
+        executor.spin_once(timeout_sec=remaining)
+
+
+def run_scenario(
+    parameter_file: Path, output: Path, *, duration: float | None, composed: bool
+) -> LoopRun:
+    """Run a scenario and write bag, result and figure into `output`.
+
+    Parameters
+    ----------
+    parameter_file
+        The scenario.
+    output
+        Folder for the results of this scenario; a former run's results in it are replaced.
+    duration
+        Simulated seconds instead of the scenario's, or None.
+    composed
+        Whether the three nodes share one process.
+
+    Raises
+    ------
+    SuiteError
+        If the scenario is not sound, a node fails or messages were lost.
+    """
+    overrides: dict[str, object] = {} if duration is None else {'duration': float(duration)}
+    scenario = load_scenario(parameter_file).replace(**overrides)
+    design = design_from_scenario(scenario)
+    output.mkdir(parents=True, exist_ok=True)
+    bag_path = output / 'bag'
+    if bag_path.exists():
+        shutil.rmtree(bag_path)
+    stop = StopSignal()
+    runner = LoopRunner(scenario, parameter_file, overrides, composed=composed)
+    with BagWriter(bag_path, {t: type_name(c) for t, c in MESSAGE_TYPES.items()}) as bag:
+        recorder = runner.run(bag, stop)
+    try:
+        trace = decode_trace(recorder.messages)
+    except IncompleteTraceError as error:
+        raise LoopError(f'the recording is incomplete: {error}') from None
+    verdict = judge(
+        trace,
+        scenario,
+        name=parameter_file.stem,
+        h_star=design.figures.h_star,
+        wall_seconds=recorder.wall_seconds,
+        interrupted=stop.received,
+    )
+    verdict.save(output / 'result.json')
+    save_figure(trace, scenario, verdict, output / 'figure.png')
+    return LoopRun(trace=trace, verdict=verdict)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='closed_loop',
+        description='Run a scenario as three ROS 2 nodes, record it and judge it. The exit code is '
+        '0 if the run regulated and the sector bound held (or was ended by Ctrl-C).',
+    )
+    parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
+    parser.add_argument('--output', type=Path, default=Path('out'), help='folder of the results')
+    parser.add_argument('--duration', type=float, help='simulated seconds, instead of the file\'s')
+    parser.add_argument('--composed', action='store_true', help='three nodes in one process')
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line of `closed_loop`; returns the exit code.
+
+    Parameters
+    ----------
+    arguments
+        Command line without the program name; `sys.argv` by default.
+    """
+    options = _parser().parse_args(arguments)
+    output = options.output / options.params_file.stem
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        run = run_scenario(
+            options.params_file,
+            output,
+            duration=options.duration,
+            composed=options.composed,
+        )
+    except SuiteError as error:
+        print(f'closed_loop: {error}', file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    print(run.verdict)
+    print(f'  results              {output}/  (bag, result.json, figure.png)')
+    return 0 if run.verdict.passed or run.verdict.interrupted else 1

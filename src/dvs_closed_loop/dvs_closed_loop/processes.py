@@ -1,0 +1,81 @@
+"""Node processes: started like `ros2 run` does, ended in order, never left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from dvs_interfaces.errors import ParameterError
+
+_GRACE_S = 5.0
+
+
+def executable_path(package: str, executable: str) -> Path:
+    """Path of an installed executable, where `ros2 run` looks for it.
+
+    Parameters
+    ----------
+    package
+        Name of the package.
+    executable
+        Name of the executable.
+
+    Raises
+    ------
+    ParameterError
+        If the package is not in AMENT_PREFIX_PATH or has no such executable.
+    """
+    try:
+        prefix = get_package_prefix(package)
+    except PackageNotFoundError:
+        raise ParameterError(
+            'package', package, 'is not in AMENT_PREFIX_PATH; is the workspace built and sourced?'
+        ) from None
+    path = Path(prefix) / 'lib' / package / executable
+    if not path.is_file():
+        raise ParameterError('executable', executable, f'is not installed at {path}')
+    return path
+
+
+class NodeProcess:
+    """One running node.
+
+    Parameters
+    ----------
+    package
+        Name of the package.
+    executable
+        Name of the executable.
+    arguments
+        Command line after the executable.
+    """
+
+    def __init__(self, package: str, executable: str, arguments: Sequence[str]) -> None:
+        self.name = executable
+        environment = {**os.environ}
+        environment.setdefault('RCUTILS_CONSOLE_OUTPUT_FORMAT', '[{name}] {severity}: {message}')
+        self._process = subprocess.Popen(
+            [sys.executable, str(executable_path(package, executable)), *arguments],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+        )
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code, or None while it runs."""
+        return self._process.poll()
+
+    def stop(self) -> int:
+        """End the node with SIGINT, or SIGKILL if it does not listen; return its exit code."""
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            return self._process.wait(timeout=_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()

@@ -1,0 +1,92 @@
+"""Hears every topic of a running loop: keeps the messages and writes them to a bag."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from dvs_interfaces import topics
+from dvs_interfaces.events import parse_events
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, JointState, PointCloud2
+from std_msgs.msg import Float64MultiArray
+
+from dvs_closed_loop.recording import BagWriter
+
+MESSAGE_TYPES: dict[str, type] = {
+    topics.LUMINOSITY: Image,
+    topics.EVENTS: PointCloud2,
+    topics.COMMAND: JointState,
+    topics.STATE: JointState,
+    topics.ESTIMATE: Float64MultiArray,
+    topics.CLOCK: Clock,
+}
+
+
+def type_name(message_type: type) -> str:
+    """Name package/msg/Type of a message class.
+
+    Parameters
+    ----------
+    message_type
+        Generated message class.
+    """
+    return f'{message_type.__module__.split(".")[0]}/msg/{message_type.__name__}'
+
+
+class RunRecorder:
+    """Subscribes to the loop's topics before its nodes start.
+
+    Parameters
+    ----------
+    node
+        Node that carries the subscriptions.
+    mode
+        ``lockstep`` or ``realtime``: decides the quality of service.
+    bag
+        Where the messages go as well.
+    """
+
+    def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
+        self._bag = bag
+        self._node = node
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in MESSAGE_TYPES}
+        self.command_times_s: list[float] = []
+        self.event_count = 0
+        for topic, message_type in MESSAGE_TYPES.items():
+            node.create_subscription(
+                message_type, topic, self._keeper(topic), _qos(topic, mode), raw=True
+            )
+
+    def _keeper(self, topic: str) -> Callable[[bytes], None]:
+        messages = self.messages[topic]
+
+        def keep(message: bytes) -> None:
+            messages.append(message)
+            if topic == topics.COMMAND:
+                self.command_times_s.append(time.perf_counter())
+            elif topic == topics.EVENTS:
+                self.event_count += len(parse_events(message).events)
+            self._bag.write(topic, time.time_ns(), message)
+
+        return keep
+
+    def hears_every_node(self) -> bool:
+        """Whether all topics that a verdict needs have a publisher."""
+        return all(
+            self._node.count_publishers(topic) for topic in MESSAGE_TYPES if topic != topics.CLOCK
+        )
+
+    @property
+    def wall_seconds(self) -> float:
+        """Wall-clock time from the first command to the last, s."""
+        times = self.command_times_s
+        return times[-1] - times[0] if times else 0.0
+
+
+def _qos(topic: str, mode: str) -> QoSProfile:
+    if topic in (topics.EVENTS, topics.COMMAND):
+        return topics.handshake_qos(mode)
+    return topics.clock_qos() if topic == topics.CLOCK else topics.stream_qos()

@@ -1,0 +1,190 @@
+"""Did the run regulate, and did the estimate stay in its sector?"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from dvs_hinf_controller.sector import sector
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.scenario import Scenario
+
+from dvs_closed_loop.trace import Trace
+
+# Rounding of log, exp and the thresholds; the sector bound itself leaves no room.
+SECTOR_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Figures of one closed-loop run; the fields are the keys of `result.json`.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    regulated
+        Whether `limsup_error` is below `tolerance`.
+    interrupted
+        Whether the run was stopped before its end.
+    tolerance
+        eps.
+    final_error
+        ``||x - x_d||`` at the last sample.
+    limsup_error
+        Largest ``||x - x_d||`` over the last third of the run.
+    sector_ratio_max
+        Largest ``|z - y| / (delta_z |y|)`` over all pixels and samples outside the dead band.
+    pixels
+        r.
+    events
+        Number of events.
+    events_per_pixel
+        ``events / r``.
+    cycles
+        Number of commands.
+    cycles_per_second
+        Commands a wall-clock second.
+    wall_seconds
+        Wall-clock time from the first command to the last, s.
+    simulated_seconds
+        Length of the run in its own time, s.
+    h
+        Event threshold.
+    h_star
+        Published bound on h for the controller that ran.
+    """
+
+    scenario: str
+    regulated: bool
+    interrupted: bool
+    tolerance: float
+    final_error: float
+    limsup_error: float
+    sector_ratio_max: float
+    pixels: int
+    events: int
+    events_per_pixel: float
+    cycles: int
+    cycles_per_second: float
+    wall_seconds: float
+    simulated_seconds: float
+    h: float
+    h_star: float
+
+    @property
+    def sector_held(self) -> bool:
+        """Whether the bound of Lemma 4 held at every sample."""
+        return self.sector_ratio_max <= 1 + SECTOR_ROUNDING
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run regulated and the sector bound held."""
+        return self.regulated and self.sector_held
+
+    def save(self, path: Path) -> None:
+        """Write `result.json`.
+
+        Parameters
+        ----------
+        path
+            File to write.
+        """
+        path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n', encoding='utf-8')
+
+    def __str__(self) -> str:
+        """Return the verdict as a few readable lines."""
+        word = 'regulated' if self.regulated else 'NOT regulated'
+        word += ' (interrupted)' if self.interrupted else ''
+        held = 'held' if self.sector_held else 'VIOLATED'
+        return '\n'.join(
+            (
+                f'{self.scenario}: {word}',
+                f'  limsup ||x - x_d||   {self.limsup_error:.6f}   (last third; eps = '
+                f'{self.tolerance:g})',
+                f'  final  ||x - x_d||   {self.final_error:.6f}',
+                f'  sector bound         {held}, worst |z - y| / (delta_z |y|) = '
+                f'{self.sector_ratio_max:.6f}',
+                f'  threshold            h = {self.h:g}, h* = {self.h_star:.5f}',
+                f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
+                f'{self.pixels} pixels)',
+                f'  speed                {self.cycles} cycles, {self.cycles_per_second:.0f} '
+                f'cycles/s, {self.simulated_seconds / max(self.wall_seconds, 1e-9):.2f} x real '
+                'time',
+            )
+        )
+
+
+def judge(
+    trace: Trace,
+    scenario: Scenario,
+    *,
+    name: str,
+    h_star: float,
+    wall_seconds: float,
+    interrupted: bool,
+) -> Verdict:
+    """Verdict on a run.
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    name
+        Name of the scenario.
+    h_star
+        Published bound on h for the controller that ran.
+    wall_seconds
+        Wall-clock time from the first command to the last, s.
+    interrupted
+        Whether the run was stopped before its end.
+    """
+    errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
+    settled = trace.times_s >= trace.times_s[-1] * (2 / 3)
+    limsup = float(errors[settled].max())
+    cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
+    return Verdict(
+        scenario=name,
+        regulated=limsup < scenario['tolerance'],
+        interrupted=interrupted,
+        tolerance=scenario['tolerance'],
+        final_error=float(errors[-1]),
+        limsup_error=limsup,
+        sector_ratio_max=float(sector_ratios(trace, scenario).max(initial=0.0)),
+        pixels=pixels,
+        events=len(trace.events),
+        events_per_pixel=len(trace.events) / pixels,
+        cycles=cycles,
+        cycles_per_second=(cycles - 1) / wall_seconds if wall_seconds > 0 else 0.0,
+        wall_seconds=wall_seconds,
+        simulated_seconds=float(trace.times_s[-1]),
+        h=scenario['event_threshold'],
+        h_star=h_star,
+    )
+
+
+def sector_ratios(trace: Trace, scenario: Scenario) -> FloatArray:
+    """``|z - y| / (delta_z |y|)`` at every sample and pixel outside the dead band, flat (Lemma 4).
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    """
+    bound = sector(
+        scenario.reference_bounds(trace.luminosities[0]),
+        event_threshold=scenario['event_threshold'],
+        log_base=scenario['log_base'],
+    ).error_bound
+    y = trace.luminosities
+    ratios = np.abs(trace.estimates - y) / (bound * np.abs(y))
+    if scenario['photoreceptor'] == 'signed_log':
+        return ratios[np.abs(y) >= scenario['dead_band']]
+    return ratios.ravel()
