@@ -42,7 +42,7 @@ class EventCameraNode(ManagedNode):
         return PixelArray(
             event_threshold=s['event_threshold'],
             log_base=s['log_base'],
-            photoreceptor=SignedLogPhotoreceptor(dead_band=s['dead_band'])
+            photoreceptor=SignedLogPhotoreceptor(band=s['dead_band'])
             if s['photoreceptor'] == 'signed_log'
             else LogPhotoreceptor(),
             bounds=s.reference_bounds(luminosity),

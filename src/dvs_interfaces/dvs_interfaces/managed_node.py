@@ -119,7 +119,8 @@ class ManagedNode(LifecycleNode):
         """Subscribe to serialized messages; only an active node hears them.
 
         A message that `handler` refuses with `MessageError` is counted and reported, once at
-        first and then at most every five seconds; it never ends the node.
+        first and then at most every five seconds; it never ends the node. Nor does a defect in
+        `handler`, which is reported with its traceback.
 
         Parameters
         ----------
@@ -139,14 +140,19 @@ class ManagedNode(LifecycleNode):
             try:
                 handler(message)
             except MessageError as error:
-                self.rejected_messages += 1
-                self.get_logger().error(
-                    f'message on {topic} refused ({self.rejected_messages} so far): {error}',
-                    throttle_duration_sec=5.0,
-                )
+                self._reject(topic, str(error))
+            except Exception:
+                self._reject(topic, f'unexpected error:\n{traceback.format_exc()}')
 
         subscription = self.create_subscription(message_type, topic, guarded, qos, raw=True)
         self._entities.append((self.destroy_subscription, subscription))
+
+    def _reject(self, topic: str, reason: str) -> None:
+        self.rejected_messages += 1
+        self.get_logger().error(
+            f'message on {topic} refused ({self.rejected_messages} so far): {reason}',
+            throttle_duration_sec=5.0,
+        )
 
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """Wall-clock timer that cleanup destroys; it only calls back while the node is active.

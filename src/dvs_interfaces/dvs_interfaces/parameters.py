@@ -51,7 +51,7 @@ _MODEL = (
         default=(0.0, 0.0, 0.01, 0.0, -0.01, 0.0),
         nodes=_LOOP,
         description='Pixel displacements dx, r x n, row-major over the pixel array (paper, eq. 1); '
-        'empty: a regular grid of pixel_pitch around pixel_origin',
+        'unused where there is a pixel_pitch',
     ),
     ParameterSpec(
         name='pixel_pitch',
@@ -59,15 +59,15 @@ _MODEL = (
         default=(),
         nodes=_LOOP,
         description='Displacement from one column to the next and from one row to the next, 2 x n, '
-        'row-major, of a regular pixel grid; only with empty pixel_offsets',
+        'row-major: a regular grid in place of pixel_offsets',
     ),
     ParameterSpec(
         name='pixel_origin',
         kind=Kind.FLOATS,
         default=(),
         nodes=_LOOP,
-        description='Displacement of the centre of a regular pixel grid, n entries (empty: 0); '
-        'along c it is a brightness offset; only with empty pixel_offsets',
+        description='Displacement of the centre of the grid of pixel_pitch, n entries (empty: 0); '
+        'along c it is a brightness offset',
     ),
     ParameterSpec(
         name='pixel_grid',

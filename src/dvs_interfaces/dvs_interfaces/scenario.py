@@ -88,24 +88,23 @@ class Scenario:
 
     @property
     def scene(self) -> PixelScene:
-        """Pixel array: from pixel_offsets, or a regular grid of pixel_pitch.
+        """Pixel array: a regular grid where there is a pixel_pitch, else from pixel_offsets.
 
         Raises
         ------
         ParameterError
-            If the lengths do not fit together, or both ways are used at once.
+            If the lengths do not fit together.
         """
         if len(self['pixel_grid']) != 2:
             raise ParameterError('pixel_grid', self['pixel_grid'], 'must be [height, width]')
         height, width = self['pixel_grid']
         model = self.model
-        if self['pixel_offsets']:
-            for name in ('pixel_pitch', 'pixel_origin'):
-                if self[name]:
-                    raise ParameterError(name, self[name], 'must be empty with pixel_offsets')
-            offsets = self._matrix('pixel_offsets', rows=None, columns=model.state_count)
-            return PixelScene.from_offsets(model, offsets, height=height, width=width)
-        return self._regular_scene(model, height, width)
+        if self['pixel_pitch']:
+            return self._regular_scene(model, height, width)
+        if self['pixel_origin']:
+            raise ParameterError('pixel_origin', self['pixel_origin'], 'needs pixel_pitch')
+        offsets = self._matrix('pixel_offsets', rows=None, columns=model.state_count)
+        return PixelScene.from_offsets(model, offsets, height=height, width=width)
 
     @property
     def equilibrium(self) -> Equilibrium:
@@ -214,7 +213,7 @@ class Scenario:
             raise ParameterError(
                 'pixel_pitch',
                 list(pitch),
-                f'must have 2 x {n} entries where pixel_offsets is empty',
+                f'must have 2 x {n} entries, since output_vector has {n}',
             )
         origin = np.array(self['pixel_origin'] or (0.0,) * n)
         if origin.size != n:
