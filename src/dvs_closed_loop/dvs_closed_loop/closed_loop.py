@@ -47,6 +47,10 @@ class LoopError(SuiteError):
     """A loop that could not start or broke off."""
 
 
+class InterruptedEarly(Exception):
+    """Ctrl-C before the first command: there is nothing to judge."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopRun:
     """What remains of a run.
@@ -248,6 +252,8 @@ def run_scenario(
     ------
     SuiteError
         If the scenario is not sound, a node fails or messages were lost.
+    InterruptedEarly
+        If a signal comes before the first command.
     """
     overrides: dict[str, object] = {} if duration is None else {'duration': float(duration)}
     scenario = load_scenario(parameter_file).replace(**overrides)
@@ -260,6 +266,8 @@ def run_scenario(
     runner = LoopRunner(scenario, parameter_file, overrides, composed=composed)
     with BagWriter(bag_path, {t: type_name(c) for t, c in MESSAGE_TYPES.items()}) as bag:
         recorder = runner.run(bag, stop)
+    if stop.received and not recorder.messages[topics.COMMAND]:
+        raise InterruptedEarly
     try:
         trace = decode_trace(recorder.messages)
     except IncompleteTraceError as error:
@@ -311,6 +319,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SuiteError as error:
         print(f'closed_loop: {error}', file=sys.stderr)
         return 1
+    except InterruptedEarly:
+        print('interrupted before the first command')
+        return 0
     finally:
         rclpy.try_shutdown()
     print(run.verdict)

@@ -245,7 +245,8 @@ def load_scenario(path: str | Path) -> Scenario:
     except OSError as error:
         raise ParameterError('params-file', path, f'cannot be read: {error.strerror}') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError('params-file', path, f'is not YAML: {error}') from None
+        reason = ' '.join(str(error).split())
+        raise ParameterError('params-file', path, f'is not YAML: {reason}') from None
     return Scenario.from_values(_merged_parameters(path, document))
 
 

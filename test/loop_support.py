@@ -1,0 +1,134 @@
+"""Real nodes as real processes, and a listener that keeps the bytes of their streams."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from ament_index_python.packages import get_package_prefix
+from dvs_interfaces import topics
+from rclpy.experimental import EventsExecutor
+from sensor_msgs.msg import JointState, PointCloud2
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = ROOT / 'config'
+PACKAGE = {
+    'plant_sim': 'dvs_plant_sim',
+    'event_camera': 'dvs_event_camera',
+    'hinf_controller': 'dvs_hinf_controller',
+    'closed_loop': 'dvs_closed_loop',
+    'composed_loop': 'dvs_closed_loop',
+}
+
+
+def program(executable: str) -> str:
+    package = PACKAGE[executable]
+    return f'{get_package_prefix(package)}/lib/{package}/{executable}'
+
+
+def environment(domain: int) -> dict[str, str]:
+    return {
+        **os.environ,
+        'ROS_DOMAIN_ID': str(domain),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+    }
+
+
+def ros_arguments(parameters: dict[str, object] | None = None, file: Path | None = None) -> list:
+    arguments = ['--ros-args']
+    if file is not None:
+        arguments += ['--params-file', str(file)]
+    for name, value in (parameters or {}).items():
+        arguments += ['-p', f'{name}:={value}']
+    return arguments
+
+
+def start(executable: str, domain: int, arguments: list[str] | None = None) -> subprocess.Popen:
+    return subprocess.Popen(
+        [program(executable), *(arguments or [])],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def stop(process: subprocess.Popen, number: int = signal.SIGINT) -> tuple[int, str]:
+    """Send a signal; return exit code and output. A process that does not listen fails the test."""
+    if process.poll() is None:
+        process.send_signal(number)
+    try:
+        output, _ = process.communicate(timeout=20)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        output, _ = process.communicate()
+        raise AssertionError(f'ignored signal {number}: {output}') from None
+    return process.returncode, output
+
+
+def wait_for(condition: Callable[[], bool], timeout_s: float = 30.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def run_closed_loop(
+    scenario: str | Path, domain: int, output: Path, *options: str, timeout_s: float = 120
+) -> subprocess.CompletedProcess:
+    file = scenario if isinstance(scenario, Path) else CONFIG / f'{scenario}.yaml'
+    return subprocess.run(
+        [program('closed_loop'), '--params-file', str(file), '--output', str(output), *options],
+        env=environment(domain),
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+    )
+
+
+class Listener:
+    """Keeps the serialized messages of `events` and `command`."""
+
+    def __init__(self, domain: int) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain, args=[])
+        self.node = rclpy.create_node('listener', context=self._context)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self.streams: dict[str, list[bytes]] = {topics.EVENTS: [], topics.COMMAND: []}
+        for topic, kind in ((topics.EVENTS, PointCloud2), (topics.COMMAND, JointState)):
+            qos = topics.handshake_qos('lockstep')
+            self.node.create_subscription(kind, topic, self.streams[topic].append, qos, raw=True)
+
+    def spin_until(self, condition: Callable[[], bool], timeout_s: float = 40.0) -> bool:
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            if condition():
+                return True
+            self._executor.spin_once(timeout_sec=0.05)
+        return condition()
+
+    def close(self) -> None:
+        self._executor.remove_node(self.node)
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+
+@contextmanager
+def listening(domain: int) -> Iterator[Listener]:
+    listener = Listener(domain)
+    try:
+        yield listener
+    finally:
+        listener.close()

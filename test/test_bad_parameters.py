@@ -1,0 +1,80 @@
+"""Bad parameters stop a node with one clear message and a non-zero exit code."""
+
+import math
+
+import pytest
+from loop_support import ros_arguments, run_closed_loop, start
+
+ALL = ('plant_sim', 'event_camera', 'hinf_controller')
+LOOP = ('plant_sim', 'hinf_controller')
+PIXELS = ('event_camera', 'hinf_controller')
+
+CASES = [
+    (('plant_sim',), {'state_matrix': '[1.0, 2.0, 3.0]'}, 'state_matrix'),
+    (('plant_sim',), {'pixel_offsets': '[0.0, 0.0, 1.0]'}, 'pixel_offsets'),
+    (('plant_sim',), {'pixel_grid': '[2, 2]'}, 'pixel_grid'),
+    (('plant_sim',), {'initial_state': '[0.0]'}, 'initial_state'),
+    (('plant_sim',), {'set_point': '[1.0, 1.0]'}, 'nearest stabilizable set-point'),
+    (PIXELS, {'event_threshold': '0.0'}, 'event_threshold = 0.0: must be'),
+    (PIXELS, {'event_threshold': '-0.1'}, 'event_threshold = -0.1: must be'),
+    (('event_camera',), {'log_base': '1.0'}, 'log_base'),
+    (('hinf_controller',), {'tolerance': math.nan}, 'tolerance = nan'),
+    (
+        ('hinf_controller',),
+        {'reference_lower': '[0.6]', 'reference_upper': '[0.5]'},
+        'must not exceed reference_upper',
+    ),
+    (PIXELS, {'reference_lower': '[-0.1]', 'reference_upper': '[0.5]'}, 'reference_lower'),
+    (LOOP, {'input_matrix': '[1.0, 0.0]'}, 'not stabilizable'),
+    (LOOP, {'output_vector': '[1.0, 0.0]', 'state_matrix': '[2.0, 0.0, 0.0, 5.0]'}, 'detectable'),
+    (ALL, {'event_treshold': '0.1'}, 'did you mean event_threshold?'),
+    (('hinf_controller',), {'method': 'magic'}, 'method = magic: must be one of'),
+    (('hinf_controller',), {'command_limit': '[1.0, 2.0]'}, 'command_limit'),
+    (('plant_sim',), {'state_matrix': '[1, 0.5]'}, 'wants all numbers of a list alike'),
+    (('plant_sim',), {'duration': 'long'}, 'duration = long'),
+]
+
+
+@pytest.mark.parametrize(
+    ('executable', 'parameters', 'message'),
+    [(node, parameters, message) for nodes, parameters, message in CASES for node in nodes],
+)
+def test_bad_parameter_is_refused(executable, parameters, message, domain, processes):
+    process = start(executable, domain, ros_arguments(parameters))
+    processes.append(process)
+
+    output, _ = process.communicate(timeout=60)
+
+    assert process.returncode not in (0, None), output
+    assert message in output
+    assert 'Traceback' not in output
+    lines = [line for line in output.splitlines() if 'Failed to parse global arguments' not in line]
+    assert len([line for line in lines if line.strip()]) == 1, output
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('event_threshold: 0.15', 'params-file'),
+        ('/**:\n  ros__parameters:\n    event_treshold: 0.15\n', 'did you mean event_threshold?'),
+        ('/**:\n  ros__parameters:\n    set_point: [1.0, 1.0]\n', 'not stabilizable'),
+        ('{', 'is not YAML'),
+    ],
+)
+def test_closed_loop_refuses_a_bad_file(text, message, domain, tmp_path):
+    scenario = tmp_path / 'bad.yaml'
+    scenario.write_text(text)
+
+    run = run_closed_loop(scenario, domain, tmp_path / 'out')
+
+    assert run.returncode == 1
+    assert message in run.stderr
+    assert 'Traceback' not in run.stderr
+    assert len(run.stderr.strip().splitlines()) == 1
+
+
+def test_closed_loop_refuses_a_missing_file(domain, tmp_path):
+    run = run_closed_loop(tmp_path / 'none.yaml', domain, tmp_path / 'out')
+
+    assert run.returncode == 1
+    assert 'cannot be read: No such file or directory' in run.stderr

@@ -1,0 +1,71 @@
+"""Lockstep: start order does not matter, and the streams are the same to the byte."""
+
+import itertools
+import time
+
+from dvs_interfaces import topics
+from loop_support import listening, ros_arguments, run_closed_loop, start, stop
+from rosbags.rosbag2 import Reader
+
+NODES = ('plant_sim', 'event_camera', 'hinf_controller')
+STREAMS = (topics.EVENTS, topics.COMMAND)
+
+
+def streams_of_bag(path):
+    streams = {topic: [] for topic in STREAMS}
+    with Reader(path) as reader:
+        for connection, _, message in reader.messages():
+            if connection.topic in streams:
+                streams[connection.topic].append(bytes(message))
+    return streams
+
+
+def streams_started_in(order, domain, processes, samples):
+    with listening(domain) as listener:
+        for executable in order:
+            arguments = ros_arguments({'duration': samples * 0.001})
+            processes.append(start(executable, domain, arguments))
+            time.sleep(0.6)
+        listener.spin_until(
+            lambda: all(len(listener.streams[topic]) > samples for topic in STREAMS)
+        )
+        for process in processes[-3:]:
+            code, output = stop(process)
+            assert code == 0, output
+        return listener.streams
+
+
+def test_all_six_start_orders_give_the_same_bytes(new_domain, processes):
+    samples = 150
+    results = {
+        order: streams_started_in(order, new_domain(), processes, samples)
+        for order in itertools.permutations(NODES)
+    }
+
+    first = results[NODES]
+    assert [len(first[topic]) for topic in STREAMS] == [samples + 1, samples + 1]
+    assert len(set(first[topics.COMMAND])) > 100
+    for order, streams in results.items():
+        assert streams == first, order
+
+
+def test_two_runs_and_a_composed_run_give_the_same_bytes(new_domain, tmp_path):
+    for name, options in (('one', ()), ('two', ()), ('composed', ('--composed',))):
+        run = run_closed_loop(
+            'mirror_r9', new_domain(), tmp_path / name, '--duration', '1.5', *options
+        )
+        assert run.returncode == 0, run.stdout + run.stderr
+
+    bags = [streams_of_bag(tmp_path / n / 'mirror_r9' / 'bag') for n in ('one', 'two', 'composed')]
+    assert [len(bags[0][topic]) for topic in STREAMS] == [1501, 1501]
+    assert bags[0] == bags[1]
+    assert bags[0] == bags[2]
+
+
+def test_a_missing_partner_is_named(domain, processes):
+    plant = start('plant_sim', domain)
+    processes.append(plant)
+    time.sleep(4.5)
+    _, output = stop(plant)
+
+    assert 'nobody subscribes to luminosity; is event_camera running?' in output

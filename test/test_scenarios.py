@@ -1,0 +1,53 @@
+"""Every scenario in config/ regulates, run as three node processes over Fast DDS."""
+
+import json
+
+import pytest
+from loop_support import CONFIG, run_closed_loop
+
+LOCKSTEP = sorted(p.stem for p in CONFIG.glob('*.yaml') if 'mode: lockstep' in p.read_text())
+
+
+def test_the_published_scenarios_are_there():
+    published = {'paper_r1', 'paper_r3', 'paper_r9', 'mirror_r1', 'mirror_r3', 'mirror_r9'}
+    assert published | {'platform'} <= set(LOCKSTEP)
+
+
+@pytest.mark.parametrize('scenario', LOCKSTEP)
+def test_scenario_regulates(scenario, domain, tmp_path):
+    run = run_closed_loop(scenario, domain, tmp_path)
+
+    assert run.returncode == 0, run.stdout + run.stderr
+    result = json.loads((tmp_path / scenario / 'result.json').read_text())
+    assert result['regulated']
+    assert 0 < result['limsup_error'] < result['tolerance']
+    assert 0.5 < result['sector_ratio_max'] <= 1
+    assert result['events'] > result['pixels']
+    assert result['h'] <= result['h_star']
+    assert (tmp_path / scenario / 'figure.png').stat().st_size > 20_000
+    if scenario == 'paper_r3':
+        # Paper, section IV-A: h*_u = 0.1562.
+        assert result['h_star'] == pytest.approx(0.1562, rel=5e-3)
+
+
+def test_realtime_mode_regulates_at_250_hz(domain, tmp_path):
+    run = run_closed_loop('mirror_r3_realtime', domain, tmp_path)
+
+    assert run.returncode == 0, run.stdout + run.stderr
+    result = json.loads((tmp_path / 'mirror_r3_realtime' / 'result.json').read_text())
+    assert result['regulated']
+    assert result['simulated_seconds'] == pytest.approx(6, abs=0.1)
+    assert result['wall_seconds'] == pytest.approx(result['simulated_seconds'], rel=0.05)
+    # Nominally 1500 samples; a loaded machine may skip a few.
+    assert 1200 <= result['cycles'] <= 1501
+
+
+def test_a_threshold_far_too_coarse_is_judged_as_not_regulated(domain, tmp_path):
+    coarse = tmp_path / 'coarse.yaml'
+    text = (CONFIG / 'mirror_r3.yaml').read_text()
+    coarse.write_text(text.replace('event_threshold: 0.15', 'event_threshold: 0.6'))
+
+    run = run_closed_loop(coarse, domain, tmp_path, '--duration', '2')
+
+    assert run.returncode == 1
+    assert 'exceeds h*' in run.stderr
