@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -59,11 +59,12 @@ class NodeProcess:
         self.name = executable
         environment = {**os.environ}
         environment.setdefault('RCUTILS_CONSOLE_OUTPUT_FORMAT', '[{name}] {severity}: {message}')
-        self._process = subprocess.Popen(
-            [sys.executable, str(executable_path(package, executable)), *arguments],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-        )
+        with _interrupts_ignored():
+            self._process = subprocess.Popen(
+                [executable_path(package, executable), *arguments],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+            )
 
     @property
     def exit_code(self) -> int | None:
@@ -71,11 +72,25 @@ class NodeProcess:
         return self._process.poll()
 
     def stop(self) -> int:
-        """End the node with SIGINT, or SIGKILL if it does not listen; return its exit code."""
+        """End the node with SIGTERM, or SIGKILL if it does not listen; return its exit code."""
         if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.terminate()
         try:
             return self._process.wait(timeout=_GRACE_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Let a child inherit that SIGINT is ignored, until it has a handler of its own.
+
+    A Ctrl-C in the terminal reaches the whole process group; a node that is still importing would
+    answer with a traceback.
+    """
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
