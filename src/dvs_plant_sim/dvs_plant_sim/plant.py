@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import expm
+
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, PlantModel, finite_array
-from scipy.linalg import expm
 
 _NANOSECOND_S = 1e-9
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections import deque
 
 from dvs_interfaces.model import FloatArray
-
-from dvs_plant_sim.plant import Plant
+from dvs_plant_sim.dynamics import Dynamics
 
 
 class RealtimePlant:
     """Advances a plant to wall-clock instants under the commands received so far.
 
-    The plant rests at its initial state until the first command: an unstable plant can't wait for a
-    controller that is still starting.
+    The plant rests at its initial state until the first command: an unstable plant can't wait for
+    a controller that is still starting.
 
     Parameters
     ----------
@@ -21,7 +20,7 @@ class RealtimePlant:
         Plant to move.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Dynamics) -> None:
         self._plant = plant
         self._time_ns = 0
         self._command: FloatArray | None = None

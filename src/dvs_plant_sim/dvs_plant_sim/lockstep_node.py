@@ -1,0 +1,89 @@
+"""The half of a plant node that runs in lockstep: simulated time, one sample at a time."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from dvs_interfaces import topics
+from dvs_interfaces.messages import pack_clock
+from dvs_interfaces.scenario import Scenario
+from dvs_plant_sim.handshake import Handshake
+from dvs_plant_sim.pacing import Pace
+
+if TYPE_CHECKING:
+    from dvs_plant_sim.plant_node import PlantNode
+
+# Wall-clock period of the waiting turns of an unanswered sample.
+_RESEND_S = 0.5
+# Turns after which, again and again, the missing partner is named.
+_PATIENCE_TURNS = 4
+
+
+class LockstepDriver:
+    """Publishes sample k and `/clock`, waits for command k, advances the plant.
+
+    Parameters
+    ----------
+    node
+        Node that is being configured.
+    scenario
+        Checked parameters.
+    """
+
+    def __init__(self, node: PlantNode, scenario: Scenario) -> None:
+        self._node = node
+        self._scenario = scenario
+        self._clock_publisher = node.advertise(Clock, topics.CLOCK, topics.clock_qos())
+        qos = topics.handshake_qos(scenario['mode'])
+        node.listen(JointState, topics.COMMAND, self._step, qos)
+        node.every(_RESEND_S, self._wait)
+        self._due = node.every(1.0, self._publish_due)
+
+    def start(self) -> None:
+        """Publish sample 0."""
+        scenario = self._scenario
+        self._due.cancel()
+        self._handshake = Handshake(
+            period_ns=scenario.sampling_period_ns, last_sample=scenario.sample_count
+        )
+        self._pace = Pace(scenario['real_time_factor'])
+        self._publish()
+
+    def _publish(self) -> None:
+        stamp_ns = self._handshake.stamp_ns
+        self._handshake.sent()
+        self._clock_publisher.publish(pack_clock(stamp_ns))
+        self._node.publish_sample(stamp_ns)
+
+    def _step(self, message: bytes) -> None:
+        command = self._node.checked_command(message)
+        if not self._handshake.accepts(command.stamp_ns):
+            return
+        if self._handshake.is_last:
+            self._node.finish(0, f'run of {command.stamp_ns * 1e-9:g} s finished')
+            return
+        self._node.plant.advance(self._scenario.sampling_period_ns, command.values)
+        delay_s = self._pace.delay_s(self._handshake.next(), time.monotonic())
+        if delay_s:
+            self._due.timer_period_ns = int(delay_s * 1e9)
+            self._due.reset()
+        else:
+            self._publish()
+
+    def _publish_due(self) -> None:
+        self._due.cancel()
+        self._publish()
+
+    def _wait(self) -> None:
+        turns = self._handshake.wait()
+        if turns > 1:
+            self._node.send_again()
+        if turns and turns % _PATIENCE_TURNS == 0:
+            self._node.get_logger().warning(
+                f'sample {self._handshake.sample} waits for its command: '
+                f'{self._node.missing_partner()}'
+            )

@@ -1,0 +1,167 @@
+"""The base of every simulated plant: a subclass says how its state moves, this does the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from sensor_msgs.msg import Image, JointState
+
+from dvs_interfaces import topics
+from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.managed_node import ManagedNode
+from dvs_interfaces.messages import Vector, pack_image, pack_state, parse_command
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.parameters import PLANT
+from dvs_interfaces.scenario import Scenario
+from dvs_plant_sim.dynamics import Dynamics
+from dvs_plant_sim.lockstep_node import LockstepDriver
+from dvs_plant_sim.realtime_node import RealtimeDriver
+
+_FAILURE = 1
+
+
+class PlantNode(ManagedNode):
+    """Publishes `luminosity`, `state` and `/clock`; takes `command`.
+
+    A subclass implements `make_plant`, and `luminosity` if its scene is not the affine one of the
+    scenario. The node is called `plant_sim` whatever its executable, so that tools find it.
+
+    Parameters
+    ----------
+    **node_arguments
+        Further arguments of `rclpy.node.Node`.
+    """
+
+    plant: Dynamics
+
+    def __init__(self, **node_arguments: object) -> None:
+        super().__init__(PLANT, **node_arguments)
+
+    # -- what a subclass implements -------------------------------------------------------------
+
+    def make_plant(self, scenario: Scenario) -> Dynamics:
+        """Return the plant at its initial state; called on configuration and on activation.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters.
+
+        Raises
+        ------
+        ParameterError
+            If parameters do not fit this plant.
+        """
+        raise NotImplementedError
+
+    def luminosity(self, state: FloatArray) -> FloatArray:
+        """Luminosity of every pixel, shape (r,), row-major; by default ``c'(x + dx_i)``.
+
+        Parameters
+        ----------
+        state
+            Plant state x, shape (n,).
+        """
+        return self._scene.luminosity(self._model, state)
+
+    # -- lifecycle ------------------------------------------------------------------------------
+
+    def configure(self, scenario: Scenario) -> None:
+        """Build the plant and its scene; see `ManagedNode.configure`."""
+        self._scenario = scenario
+        self._model = scenario.model
+        self._model.require_stabilizable()
+        self._model.require_detectable()
+        self._scene = scenario.scene
+        self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
+        self.plant = self.make_plant(scenario)
+        self._luminosity_publisher = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
+        self._state_publisher = self.advertise(JointState, topics.STATE, topics.stream_qos())
+        driver = LockstepDriver if scenario['mode'] == 'lockstep' else RealtimeDriver
+        self._driver: LockstepDriver | RealtimeDriver = driver(self, scenario)
+        self._say_set_point()
+
+    def activate(self) -> None:
+        """Start at the initial state; in lockstep with sample 0."""
+        self.plant = self.make_plant(self._scenario)
+        self._nonphysical_samples = 0
+        self._driver.start()
+
+    # -- what the drivers use -------------------------------------------------------------------
+
+    def publish_sample(self, stamp_ns: int) -> None:
+        """Publish state and luminosity of this instant.
+
+        Parameters
+        ----------
+        stamp_ns
+            Time of the sample, ns.
+        """
+        luminosity = self.luminosity(self.plant.state)
+        if self._scenario['photoreceptor'] == 'log' and luminosity.min() <= 0:
+            luminosity = self._nonphysical(stamp_ns, luminosity)
+            if self.exit_code is not None:
+                return
+        image = luminosity.reshape(self._scene.height, self._scene.width)
+        self._message = pack_image(stamp_ns, image, '64FC1')
+        state = Vector(stamp_ns=stamp_ns, names=self._state_names, values=self.plant.state)
+        self._state_publisher.publish(pack_state(state))
+        self._luminosity_publisher.publish(self._message)
+
+    def send_again(self) -> None:
+        """Publish the last luminosity once more."""
+        self._luminosity_publisher.publish(self._message)
+
+    def checked_command(self, message: bytes) -> Vector:
+        """Command of a serialized sensor_msgs/JointState.
+
+        Parameters
+        ----------
+        message
+            CDR bytes.
+
+        Raises
+        ------
+        MessageError
+            If it does not hold m finite numbers.
+        """
+        command = parse_command(message)
+        m = self._model.input_count
+        if command.values.size != m or not np.isfinite(command.values).all():
+            raise MessageError(f'command {command.values.tolist()} is not {m} finite numbers')
+        return command
+
+    def missing_partner(self) -> str:
+        """Why no command comes, in words."""
+        if not self._luminosity_publisher.get_subscription_count():
+            return 'nobody subscribes to luminosity; is event_camera running?'
+        if not self.count_publishers(topics.COMMAND):
+            return 'nobody publishes command; is hinf_controller running?'
+        return 'camera and controller are there but do not answer'
+
+    # -- details --------------------------------------------------------------------------------
+
+    def _nonphysical(self, stamp_ns: int, luminosity: FloatArray) -> FloatArray:
+        self._nonphysical_samples += 1
+        policy = self._scenario['nonphysical_luminosity']
+        pixel = int(luminosity.argmin())
+        reason = (
+            f'luminosity of pixel {pixel} is {luminosity[pixel]:.6g} <= 0 at '
+            f'{stamp_ns * 1e-9:.6f} s: a physical pixel has no logarithm of it '
+            f'(nonphysical_luminosity: {policy}; photoreceptor: log)'
+        )
+        if policy == 'stop':
+            self.finish(_FAILURE, reason)
+        elif self._nonphysical_samples == 1:
+            self.get_logger().error(reason)
+        if policy == 'clamp':
+            return np.maximum(luminosity, self._scenario['dead_band'])
+        return luminosity
+
+    def _say_set_point(self) -> None:
+        equilibrium = self._scenario.equilibrium
+        if equilibrium.residual > 0:
+            point = ', '.join(f'{value:.9g}' for value in equilibrium.state)
+            self.get_logger().info(
+                f'the nearest stabilizable set-point is used: [{point}] '
+                f'(residual of set_point: {equilibrium.residual:.3g})'
+            )
