@@ -12,12 +12,15 @@ from dvs_interfaces.scenario import Scenario
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.hinf_norm import hinf_norm
 from dvs_hinf_controller.methods import synthesis_method
+from dvs_hinf_controller.mu import mu_bounds
 from dvs_hinf_controller.options import DesignOptions
+from dvs_hinf_controller.peak_gain import peak_gains
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sampling import max_sampling_period
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis_error import Assumption, SynthesisError
 from dvs_hinf_controller.thresholds import (
+    certified_uncertainty,
     event_threshold,
     published_uncertainty,
     small_gain_holds,
@@ -30,8 +33,14 @@ class DesignFigures:
 
     Parameters
     ----------
+    pixels
+        Number of pixels r.
     gamma
         ``sqrt(1 + ||c||^2) ||G||_inf``, the paper's unstructured norm; an upper bound.
+    mu_upper
+        Bound of ``mu = sup_w (|T| + ||G||)`` for all frequencies.
+    mu_lower
+        Inverse size of a perturbation that makes the loop singular.
     dc_gain_w1
         ``||Gw1(0)||``.
     dc_gain_w2
@@ -44,6 +53,14 @@ class DesignFigures:
         h* (paper, Theorem 2), in logarithms to the problem's base.
     small_gain_ok
         Whether ``delta* ||Gw1||_inf < 1``.
+    state_peak_gain
+        N_G, peak gain from w to ``||x||``, an upper bound.
+    output_peak_gain
+        N_T, peak gain from w to ``c'x``, an upper bound.
+    delta_certified
+        Relative error of the estimate up to which ``limsup ||x|| <= eps`` is guaranteed.
+    h_certified
+        Event threshold up to which it is guaranteed.
     controller_order
         States of K.
     fastest_pole
@@ -56,13 +73,20 @@ class DesignFigures:
         Time that the synthesis took, s.
     """
 
+    pixels: int
     gamma: float
+    mu_upper: float
+    mu_lower: float
     dc_gain_w1: float
     dc_gain_w2: float
     hinf_gain_w1: float
     delta_star: float
     h_star: float
     small_gain_ok: bool
+    state_peak_gain: float
+    output_peak_gain: float
+    delta_certified: float
+    h_certified: float
     controller_order: int
     fastest_pole: float
     closed_loop_abscissa: float
@@ -170,7 +194,19 @@ def measure(
     norm = hinf_norm(g)
     dc_gain = float(np.linalg.norm(g.response(np.zeros(1))[0]))
     delta_star = published_uncertainty(problem, dc_gain_w1=c_norm * dc_gain, dc_gain_w2=dc_gain)
+    mu = mu_bounds(g, problem.model.output_vector)
+    peak = peak_gains(g, problem.model.output_vector)
+    delta_certified = certified_uncertainty(
+        problem, state_peak_gain=peak.state, output_peak_gain=peak.output
+    )
     return DesignFigures(
+        pixels=problem.scene.pixel_count,
+        mu_upper=mu.upper,
+        mu_lower=mu.lower,
+        state_peak_gain=peak.state,
+        output_peak_gain=peak.output,
+        delta_certified=delta_certified,
+        h_certified=event_threshold(problem, delta_certified),
         gamma=math.sqrt(1 + c_norm**2) * norm.upper,
         dc_gain_w1=c_norm * dc_gain,
         dc_gain_w2=dc_gain,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from dvs_hinf_controller.certified import synthesize_certified
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.options import DesignOptions
 from dvs_hinf_controller.problem import DesignProblem
@@ -85,8 +86,32 @@ class Structured:
         return synthesize_structured(problem.model, options)
 
 
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee")."""
+
+    name: str = 'certified'
+
+    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
+        """Find a controller K on the mean of zbar.
+
+        Parameters
+        ----------
+        problem
+            Plant, luminosities and tolerance.
+        options
+            Bandwidth limit.
+
+        Raises
+        ------
+        SynthesisError
+            If there is none; names the assumption that fails.
+        """
+        return synthesize_certified(problem, options)
+
+
 METHODS: dict[str, SynthesisMethod] = {
-    method.name: method for method in (Unstructured(), Structured())
+    method.name: method for method in (Unstructured(), Structured(), Certified())
 }
 
 

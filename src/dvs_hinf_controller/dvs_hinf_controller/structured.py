@@ -1,4 +1,4 @@
-"""Minimise mu = sup_w (|T| + ||G||): D-K iteration with the scalar D-scale of the reduced problem."""
+"""Minimise mu = sup_w (|T| + ||G||) by D-K iteration with one scalar D-scale."""
 
 from __future__ import annotations
 
