@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from dvs_interfaces.scenario import Scenario
 
 from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.design_file import (
+    finite_or_null,
+    read_design_file,
+    write_design_file,
+)
 from dvs_hinf_controller.hinf_norm import hinf_norm
 from dvs_hinf_controller.methods import synthesis_method
 from dvs_hinf_controller.mu import mu_bounds
@@ -25,6 +32,7 @@ from dvs_hinf_controller.thresholds import (
     published_uncertainty,
     small_gain_holds,
 )
+from dvs_interfaces.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,9 +168,80 @@ def design_from_scenario(scenario: Scenario) -> Design:
     Raises
     ------
     SuiteError
-        If parameters do not fit together or no controller exists.
+        If parameters do not fit together, no controller exists, or design_file holds a design for
+        another problem.
     """
-    return design_controller(DesignProblem.from_scenario(scenario), method=scenario['method'])
+    problem = DesignProblem.from_scenario(scenario)
+    if scenario['method'] == 'file':
+        return load_design(scenario['design_file'], problem)
+    return design_controller(
+        problem, method=scenario['method'], options=DesignOptions.from_scenario(scenario)
+    )
+
+
+def load_design(path: str | Path, problem: DesignProblem) -> Design:
+    """Design of a file, its figures measured anew for `problem`.
+
+    Tolerance, base and reference bounds may differ from those that it was made for; the figures
+    tell what it is worth then.
+
+    Parameters
+    ----------
+    path
+        File written by `save_design`.
+    problem
+        Problem that it must have been made for.
+
+    Raises
+    ------
+    ParameterError
+        If the file is no design, or one for another plant, set-point or pixel set; says which.
+    SynthesisError
+        If the stored controller does not stabilize the plant.
+    """
+    stored = read_design_file(path)
+    stored.require_made_for(problem)
+    return Design(
+        method=stored.method,
+        problem=problem,
+        controller=stored.controller,
+        figures=measure(problem, stored.controller, seconds=stored.seconds),
+    )
+
+
+def save_design(design: Design, path: str | Path) -> None:
+    """Write a design as JSON.
+
+    Parameters
+    ----------
+    design
+        What to write.
+    path
+        File to write.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be written.
+    """
+    write_design_file(
+        path,
+        method=design.method,
+        problem=design.problem,
+        controller=design.controller,
+        figures=dataclasses.asdict(design.figures),
+    )
+
+
+def as_json_object(design: Design) -> dict[str, Any]:
+    """Method and figures as a flat object; null stands for "no limit".
+
+    Parameters
+    ----------
+    design
+        What to describe.
+    """
+    return finite_or_null({'method': design.method, **dataclasses.asdict(design.figures)})
 
 
 def measure(
