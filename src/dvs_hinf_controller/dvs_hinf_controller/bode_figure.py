@@ -43,13 +43,13 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
         label = f'{design.method}: ||G||, mu = {design.figures.mu_upper:.4g}'
         magnitude.semilogx(frequencies, 20 * np.log10(gain), color=colour, label=label)
         magnitude.semilogx(
-            frequencies, 20 * np.log10(np.abs(output) + 1e-300), color=colour, ls=':', label='|T|'
+            frequencies, 20 * np.log10(np.abs(output) + 1e-300), color=colour, ls=':', label='_'
         )
         phase.semilogx(frequencies, np.degrees(np.unwrap(np.angle(output))), color=colour)
     top = magnitude.get_ylim()[1]
     magnitude.set(
-        ylabel='magnitude [dB, state units per luminosity unit]',
-        title="Closed loop: estimation error w to x (G) and to c'x (T)",
+        ylabel='gain [dB, state per luminosity]',
+        title="Closed loop from the estimation error w: to x (||G||, solid), to c'x (|T|, dotted)",
         ylim=(max(magnitude.get_ylim()[0], top - 60), top + 1),
     )
     magnitude.legend(frameon=False, fontsize=9)

@@ -1,4 +1,4 @@
-"""The paper's own generalized plant, for a few pixels: what the reduced problem is tested against."""
+"""The paper's own generalized plant, to test the reduced problem against for a few pixels."""
 
 from __future__ import annotations
 

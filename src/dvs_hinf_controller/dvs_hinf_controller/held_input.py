@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
-
 from dvs_interfaces.model import FloatArray
+from scipy.linalg import expm
 
 # Eigenvectors worse conditioned than this would cost more than six of sixteen digits.
 _WORST_CONDITION = 1e6

@@ -78,8 +78,8 @@ class SampledKernel:
 def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) -> PeakGains:
     """Peak gains from w to x and to ``c'x``, never too small.
 
-    Between two times a function differs from its chord by at most ``M tau^2 / 8``, M a bound of its
-    second derivative, so that ``integral |f|`` exceeds the trapezoid of ``|f|`` by at most
+    Between two times a function differs from its chord by at most ``M s (tau - s) / 2``, M a bound
+    of its second derivative, so that ``integral |f|`` exceeds the trapezoid of ``|f|`` by at most
     ``M tau^3 / 12``. M, and the tail, come from a Lyapunov function of the closed loop.
 
     Parameters

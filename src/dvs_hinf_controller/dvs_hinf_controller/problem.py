@@ -108,26 +108,3 @@ class DesignProblem:
     def worst_reference_ratio(self) -> float:
         """``min_i m_i / M_i`` (paper, Theorem 2)."""
         return float(np.min(self.bounds.lower / self.bounds.upper))
-
-    @classmethod
-    def from_scenario(cls, scenario: Scenario) -> DesignProblem:
-        """Problem of a scenario, with reference bounds around its initial state's luminosity.
-
-        Parameters
-        ----------
-        scenario
-            Validated parameters.
-
-        Raises
-        ------
-        ParameterError
-            If the parameters do not fit together.
-        """
-        return cls(
-            model=scenario.model,
-            equilibrium=scenario.equilibrium,
-            scene=scenario.scene,
-            bounds=scenario.model_reference_bounds,
-            tolerance=scenario['tolerance'],
-            log_base=scenario['log_base'],
-        )

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
 

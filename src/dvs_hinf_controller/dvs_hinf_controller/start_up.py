@@ -41,7 +41,9 @@ def start_up_report(
         Period of commands, s.
     """
     figures, problem = design.figures, design.problem
-    constants = sector(problem.bounds, event_threshold=event_threshold, log_base=problem.log_base)
+    constants = sector(
+        problem.bounds, event_threshold=event_threshold, log_base=problem.log_base
+    )
     rows = (
         ('pixels r', f'{problem.scene.pixel_count}'),
         ('event threshold h', f'{event_threshold:.6g}'),
