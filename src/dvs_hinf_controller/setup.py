@@ -19,6 +19,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'design_controller = dvs_hinf_controller.design_tool:main',
             'hinf_controller = dvs_hinf_controller.hinf_controller_node:main',
         ],
     },

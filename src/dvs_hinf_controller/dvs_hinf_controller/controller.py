@@ -12,7 +12,7 @@ from dvs_interfaces.model import FloatArray, finite_array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearController:
-    """``xc' = Ac xc + Bc e``, ``u = Cc xc + Dc e`` with ``e = mean(zbar_i)`` (paper, eq. 20).
+    """``xc' = Ac xc + Bc e``, ``u = Cc xc + Dc e`` with ``e = mean(zbar_i)`` (paper, eq. 24).
 
     An optimal controller acts on the mean alone, whatever the number of pixels: all pixels see the
     same ``c'x`` (docs/theory.md, "Reduction").

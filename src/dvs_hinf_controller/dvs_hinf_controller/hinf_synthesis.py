@@ -254,8 +254,9 @@ def _riccati(
 def _central_controller(
     plant: GeneralizedPlant, gamma: float, x: FloatArray, y: FloatArray
 ) -> StateSpace:
-    feedback: FloatArray = -np.linalg.solve(
-        plant.d12.T @ plant.d12, plant.b2.T @ x + plant.d12.T @ plant.c1
+    cost = plant.d12.T @ plant.d12
+    feedback = np.asarray(
+        np.linalg.solve(cost, -plant.b2.T @ x - plant.d12.T @ plant.c1), dtype=np.float64
     )
     injection = np.linalg.solve(
         plant.d21 @ plant.d21.T, (y @ plant.c2.T + plant.b1 @ plant.d21.T).T

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from dvs_hinf_controller.certified import synthesize_certified
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.options import DesignOptions
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.rolled_off import synthesize_rolled_off
+from dvs_hinf_controller.structured import synthesize_structured
 from dvs_interfaces.errors import ParameterError
 
 
@@ -60,7 +62,57 @@ class Unstructured:
         return synthesize_rolled_off(problem.model, options).controller
 
 
-METHODS: dict[str, SynthesisMethod] = {method.name: method for method in (Unstructured(),)}
+@dataclass(frozen=True, slots=True)
+class Structured:
+    """Minimise ``mu = sup_w (|T| + ||G||)``: the sector as it is (paper, section IV.A)."""
+
+    name: str = 'structured'
+
+    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
+        """Find a controller K on the mean of zbar.
+
+        Parameters
+        ----------
+        problem
+            Its plant alone matters.
+        options
+            Slack, bandwidth limit, process noise.
+
+        Raises
+        ------
+        SynthesisError
+            If there is none; names the assumption that fails.
+        """
+        return synthesize_structured(problem.model, options)
+
+
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee")."""
+
+    name: str = 'certified'
+
+    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
+        """Find a controller K on the mean of zbar.
+
+        Parameters
+        ----------
+        problem
+            Plant, luminosities and tolerance.
+        options
+            Bandwidth limit.
+
+        Raises
+        ------
+        SynthesisError
+            If there is none; names the assumption that fails.
+        """
+        return synthesize_certified(problem, options)
+
+
+METHODS: dict[str, SynthesisMethod] = {
+    method.name: method for method in (Unstructured(), Structured(), Certified())
+}
 
 
 def synthesis_method(name: str) -> SynthesisMethod:

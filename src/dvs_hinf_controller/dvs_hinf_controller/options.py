@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,3 +45,18 @@ class DesignOptions:
             )
         if not 1e-6 <= self.process_noise <= 10:
             raise ParameterError('process_noise', self.process_noise, 'must lie in [1e-6, 10]')
+
+    @classmethod
+    def from_scenario(cls, scenario: Scenario) -> DesignOptions:
+        """Options of a scenario.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters.
+        """
+        return cls(
+            gamma_slack=scenario['gamma_slack'],
+            bandwidth_limit=scenario['bandwidth_limit'],
+            process_noise=scenario['process_noise'],
+        )

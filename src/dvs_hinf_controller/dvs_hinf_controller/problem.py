@@ -91,7 +91,7 @@ class DesignProblem:
 
     @property
     def set_point_luminosity(self) -> FloatArray:
-        """``D_i = c'(x_d + dx_i)``, shape (r,): luminosity at the set-point (paper, eq. 17)."""
+        """``D_i = c'(x_d + dx_i)``, shape (r,): luminosity at the set-point (paper, eq. 22)."""
         return self.scene.luminosity(self.model, self.equilibrium.state)
 
     @property

@@ -21,7 +21,7 @@ def reduced_plant(
 
     Performance is ``[x; input_cost u]``, disturbance ``[noise; w]``, measurement
     ``c'x + weight(s) w``. The paper's D12 = 0 and the missing process noise make its plant
-    singular (paper, section IV, remark 7); the two small terms regularise it.
+    singular (paper, Remark 6); the two small terms regularise it.
 
     Parameters
     ----------

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import scipy.linalg
 
 from dvs_interfaces.model import FloatArray
 
 _AXIS_TOLERANCE = 1e-11
+_RESIDUAL_TOLERANCE = 1e-6
 
 
 def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatArray | None:
     """X with ``a'X + X a - X s X + q = 0`` and ``a - s X`` stable, or None where there is none.
 
-    Stable invariant subspace of the Hamiltonian matrix by an ordered Schur form, after a scaling
-    that evens out `s` and `q` (Laub 1979; Zhou, Doyle and Glover 1996, theorem 13.5).
+    Stable invariant subspace of the balanced Hamiltonian matrix by an ordered Schur form (Laub
+    1979; Zhou, Doyle and Glover 1996, theorem 13.5). A solution that does not solve the equation,
+    because double precision does not suffice, is none.
 
     Parameters
     ----------
@@ -28,8 +28,9 @@ def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatAr
         Symmetric, shape (n, n).
     """
     n = a.shape[0]
-    scale = math.sqrt(_size(q) / _size(s))
-    hamiltonian = np.block([[a, -scale * s], [-q / scale, -a.T]])
+    scale = _symplectic_scale(np.block([[a, -s], [-q, -a.T]]))
+    a, s, q = a * scale[:, None] / scale, s * np.outer(scale, scale), q / np.outer(scale, scale)
+    hamiltonian = np.block([[a, -s], [-q, -a.T]])
     form, basis, stable = scipy.linalg.schur(hamiltonian, output='real', sort='lhp')
     modes = np.linalg.eigvals(form)
     if stable != n or np.any(np.abs(modes.real) <= _AXIS_TOLERANCE * np.abs(modes).max()):
@@ -37,8 +38,12 @@ def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatAr
     top, bottom = basis[:n, :n], basis[n:, :n]
     if np.linalg.cond(top) > 1e13:
         return None
-    x = scale * np.linalg.solve(top.T, bottom.T).T
-    return np.asarray((x + x.T) / 2)
+    x = np.linalg.solve(top.T, bottom.T).T
+    x = (x + x.T) / 2
+    terms = (a.T @ x, x @ a, -x @ s @ x, q)
+    if np.linalg.norm(sum(terms)) > _RESIDUAL_TOLERANCE * sum(map(np.linalg.norm, terms)):
+        return None
+    return np.asarray(x * np.outer(scale, scale), dtype=np.float64)
 
 
 def is_semidefinite(x: FloatArray, *, rtol: float = 1e-8) -> bool:
@@ -55,5 +60,11 @@ def is_semidefinite(x: FloatArray, *, rtol: float = 1e-8) -> bool:
     return bool(eigenvalues[0] >= -rtol * max(float(np.abs(eigenvalues).max()), 1e-300))
 
 
-def _size(matrix: FloatArray) -> float:
-    return max(float(np.linalg.norm(matrix)), 1e-12)
+def _symplectic_scale(hamiltonian: FloatArray) -> FloatArray:
+    """Powers of two D for which ``diag(D, 1/D) H diag(1/D, D)`` is balanced (Benner 2001)."""
+    n = hamiltonian.shape[0] // 2
+    magnitudes = np.abs(hamiltonian)
+    np.fill_diagonal(magnitudes, 0.0)
+    _, (raw, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
+    exponents = np.log2(raw)
+    return np.asarray(2.0 ** np.round((exponents[n:] - exponents[:n]) / 2), dtype=np.float64)

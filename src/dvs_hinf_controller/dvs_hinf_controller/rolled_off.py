@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +16,16 @@ from dvs_hinf_controller.hinf_synthesis import (
 )
 from dvs_hinf_controller.options import DesignOptions
 from dvs_hinf_controller.reduced import reduced_plant
-from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
+from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, state_response
 from dvs_interfaces.model import PlantModel
 
 # Roll-offs that are tried, relative to the plant's own rate.
 _FASTEST = 1e4
 _SLOWEST = 0.1
 _BANDWIDTH_RTOL = 0.02
+# Where the bandwidth limit binds: factors on the process noise, and the decay that suffices.
+_NOISE_SCALES = (1.0, 10.0, 30.0, 100.0)
+_LEAST_DECAY = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,11 +94,11 @@ def synthesize_rolled_off(
     noise = options.process_noise * rate / float(np.linalg.norm(model.output_vector))
     gain = max(float(np.linalg.norm(model.input_matrix, 2)), 1e-300)
 
-    def plant(bandwidth: float) -> GeneralizedPlant:
+    def plant(bandwidth: float, noise_scale: float = 1.0) -> GeneralizedPlant:
         return reduced_plant(
             model,
             input_cost=gain / bandwidth,
-            process_noise=noise,
+            process_noise=noise * noise_scale,
             weight=weight,
             output_weight=output_weight,
         )
@@ -107,14 +110,16 @@ def synthesize_rolled_off(
         _SLOWEST * rate,
         _FASTEST * rate,
     )
+    scales: tuple[float, ...] = (1.0,)
     if 0 < options.bandwidth_limit < bandwidth:
-        bandwidth = options.bandwidth_limit
-    synthesis = hinf_synthesis(plant(bandwidth), slack=options.gamma_slack / 2)
+        bandwidth, scales = options.bandwidth_limit, _NOISE_SCALES
+    controller, gamma = _fast_enough(
+        model,
+        (hinf_synthesis(plant(bandwidth, s), slack=options.gamma_slack / 2) for s in scales),
+        _LEAST_DECAY * rate,
+    )
     return RolledOff(
-        controller=as_controller(synthesis),
-        gamma=synthesis.gamma,
-        gamma_optimal=optimal,
-        bandwidth=bandwidth,
+        controller=controller, gamma=gamma, gamma_optimal=optimal, bandwidth=bandwidth
     )
 
 
@@ -130,6 +135,25 @@ def as_controller(synthesis: HinfSynthesis) -> LinearController:
     return LinearController(
         state_matrix=k.a, input_vector=k.b[:, 0], output_matrix=k.c, feedthrough=k.d[:, 0]
     )
+
+
+def _fast_enough(
+    model: PlantModel, trials: Iterable[HinfSynthesis], decay: float
+) -> tuple[LinearController, float]:
+    """First trial whose closed loop decays fast enough, or the one that decays fastest.
+
+    A tight bandwidth limit makes slow closed-loop modes; more process noise removes them.
+    """
+    fallback: tuple[float, LinearController, float] | None = None
+    for trial in trials:
+        controller = as_controller(trial)
+        abscissa = float(np.max(state_response(model, controller).poles().real))
+        if fallback is None or abscissa < fallback[0]:
+            fallback = (abscissa, controller, trial.gamma)
+        if abscissa <= -decay:
+            break
+    assert fallback is not None
+    return fallback[1:]
 
 
 def _slowest(feasible: Callable[[float], bool], low: float, high: float) -> float:

@@ -54,6 +54,7 @@ def start_up_report(
         ('delta*', f'{figures.delta_star:.6g}'),
         ('h* (published)', f'{figures.h_star:.6g}'),
         ('small gain, delta* ||Gw1||_inf < 1', 'yes' if figures.small_gain_ok else 'NO'),
+        ('h_certified (guaranteed)', f'{figures.h_certified:.6g}'),
         ('controller order', f'{figures.controller_order}'),
         ('longest sampling period', f'{figures.max_sampling_period * 1e3:.3g} ms'),
     )

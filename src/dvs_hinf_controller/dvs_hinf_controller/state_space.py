@@ -72,7 +72,7 @@ class StateSpace:
 class GeneralizedPlant:
     """``x' = A x + B1 w + B2 u``, ``z = C1 x + D12 u``, ``y = C2 x + D21 w``.
 
-    D11 and D22 are zero, as in the paper's plant (eq. 19).
+    D11 and D22 are zero, as in the paper's plant (eq. 23).
 
     Parameters
     ----------

@@ -1,0 +1,278 @@
+"""Peak gains (L1 norms of impulse responses) as upper bounds with every error added."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from dvs_hinf_controller.state_space import StateSpace
+from dvs_interfaces.model import FloatArray
+
+_MAX_NODES = 60_000
+_DIRECTIONS_IN_PLANE = 2000
+_ASCENT_STARTS = 12
+_ASCENT_STEPS = 100
+_RELAXATION_STEPS = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeakGains:
+    """``limsup |c'x|`` and ``limsup ||x||`` for every disturbance with ``|w| <= 1``.
+
+    Parameters
+    ----------
+    state
+        N_G, upper bound of ``max_v integral |v'g(t)| dt`` over unit vectors v.
+    state_lower
+        What a constructed direction attains, a lower bound of the same.
+    output
+        N_T, upper bound of ``integral |c'g(t)| dt``.
+    output_lower
+        Lower bound of the same.
+    """
+
+    state: float
+    state_lower: float
+    output: float
+    output_lower: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledKernel:
+    """Impulse response at unevenly spaced times, and what the trapezoidal rule may miss.
+
+    Parameters
+    ----------
+    times
+        Shape (N,), s, from 0.
+    values
+        g at these times, shape (N, n).
+    weights
+        Trapezoidal weights, shape (N,), s.
+    quadrature_error
+        Bound of ``| integral |v'g| - sum weights |v'g| |`` up to the last time, any unit v.
+    tail
+        Bound of ``integral ||g||`` beyond the last time.
+    """
+
+    times: FloatArray
+    values: FloatArray
+    weights: FloatArray
+    quadrature_error: float
+    tail: float
+
+    def integral(self, directions: FloatArray) -> FloatArray:
+        """Trapezoidal value of ``integral |v'g|`` for every column v.
+
+        Parameters
+        ----------
+        directions
+            Shape (n, k).
+        """
+        return np.asarray(self.weights @ np.abs(self.values @ directions))
+
+
+def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) -> PeakGains:
+    """Peak gains from w to x and to ``c'x``, never too small.
+
+    Between two times a function differs from its chord by at most ``M s (tau - s) / 2``, M a bound
+    of its second derivative, so that ``integral |f|`` exceeds the trapezoid of ``|f|`` by at most
+    ``M tau^3 / 12``. M, and the tail, come from a Lyapunov function of the closed loop.
+
+    Parameters
+    ----------
+    g
+        G, stable, without feedthrough, from the mean disturbance to x.
+    output_vector
+        c, shape (n,).
+    rtol
+        Relative width that is aimed at, one-sided. In more than two dimensions the maximum over
+        the direction is bounded by a relaxation, which may be wider.
+
+    Returns
+    -------
+    PeakGains
+        Infinite upper bounds if `g` is unstable, or if the second derivative cannot be bounded
+        tightly enough in double precision.
+    """
+    zero = PeakGains(state=0.0, state_lower=0.0, output=0.0, output_lower=0.0)
+    if not np.any(g.b) or not np.any(g.c):
+        return zero
+    infinite = PeakGains(state=math.inf, state_lower=0.0, output=math.inf, output_lower=0.0)
+    if float(np.max(g.poles().real)) >= 0:
+        return infinite
+    kernel = sample_kernel(g, rtol=rtol / 2)
+    if kernel is None:
+        return infinite
+    slop = kernel.quadrature_error + kernel.tail
+    c_norm = float(np.linalg.norm(output_vector))
+    output = float(kernel.integral(output_vector[:, None])[0])
+    lower, upper = _largest_integral(kernel)
+    return PeakGains(
+        state=upper + slop,
+        state_lower=max(lower - kernel.quadrature_error, 0.0),
+        output=output + c_norm * slop,
+        output_lower=max(output - c_norm * kernel.quadrature_error, 0.0),
+    )
+
+
+def sample_kernel(g: StateSpace, *, rtol: float) -> SampledKernel | None:
+    """Sample the impulse response of `g` densely enough for its L1 norm.
+
+    Parameters
+    ----------
+    g
+        G, stable, without feedthrough.
+    rtol
+        Wanted bound of the errors, relative to ``integral ||g||``.
+
+    Returns
+    -------
+    SampledKernel or None
+        None where the accuracy is out of reach.
+    """
+    bound = _DecayBound.of(g)
+    if bound is None:
+        return None
+    density = 1.0
+    for _ in range(12):
+        kernel = _sample(g, bound, density * rtol, rtol)
+        if kernel is None:
+            return None
+        total = float(kernel.weights @ np.linalg.norm(kernel.values, axis=1))
+        if kernel.quadrature_error + kernel.tail <= rtol * total:
+            return kernel
+        density *= min(0.8 * rtol * total / (kernel.quadrature_error + kernel.tail), 0.5)
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _DecayBound:
+    """``||c e^(a s) x|| <= gain ||root x|| e^(-rate s)`` for every x and s >= 0."""
+
+    root: FloatArray
+    gain: float
+    rate: float
+
+    @classmethod
+    def of(cls, g: StateSpace) -> _DecayBound | None:
+        """From ``(a + rate I)' P + P (a + rate I) = -Q``, P = root' root."""
+        rate = -0.5 * float(np.max(g.poles().real))
+        n = g.order
+        shifted = g.a + rate * np.eye(n)
+        p = scipy.linalg.solve_continuous_lyapunov(shifted.T, -g.c.T @ g.c - _floor(g))
+        p = (p + p.T) / 2
+        slope = shifted.T @ p + p @ shifted
+        if np.linalg.eigvalsh(p)[0] <= 0 or np.linalg.eigvalsh(slope)[-1] > 0:
+            return None
+        root = np.linalg.cholesky(p).T
+        gain = float(np.linalg.norm(np.linalg.solve(root.T, g.c.T), 2))
+        return cls(root=root, gain=gain * (1 + 1e-9), rate=rate)
+
+    def value(self, x: FloatArray) -> float:
+        return self.gain * float(np.linalg.norm(self.root @ x))
+
+
+def _floor(g: StateSpace) -> FloatArray:
+    return np.eye(g.order) * 1e-6 * float(np.linalg.norm(g.c)) ** 2
+
+
+def _sample(
+    g: StateSpace, bound: _DecayBound, chord: float, truncation: float
+) -> SampledKernel | None:
+    """March with steps that are powers of two, each as long as its chord error allows."""
+    square = g.a @ g.a
+    base = 0.1 / bound.rate
+    flows: dict[int, FloatArray] = {}
+    time, x, level = 0.0, g.b[:, 0].copy(), 0
+    times, values, error, total = [time], [g.c @ x], 0.0, 0.0
+    while len(times) < _MAX_NODES:
+        curvature, size = bound.value(square @ x), bound.value(x)
+        tail = size / bound.rate
+        if tail <= 0.25 * truncation * total:
+            nodes = np.array(times)
+            weights = np.zeros(nodes.size)
+            steps = np.diff(nodes)
+            weights[1:] += steps / 2
+            weights[:-1] += steps / 2
+            return SampledKernel(
+                times=nodes,
+                values=np.array(values),
+                weights=weights,
+                quadrature_error=error,
+                tail=tail,
+            )
+        allowed = math.sqrt(12 * chord * size / curvature) if curvature > 0 else math.inf
+        level = max(0, math.ceil(math.log2(base / allowed))) if allowed < base else 0
+        step = base / 2.0**level
+        if level not in flows:
+            flows[level] = scipy.linalg.expm(g.a * step)
+        x = flows[level] @ x
+        time += step
+        error += curvature * step**3 / 12
+        times.append(time)
+        values.append(g.c @ x)
+        total += step * float(np.linalg.norm(values[-1]))
+    return None
+
+
+def _largest_integral(kernel: SampledKernel) -> tuple[float, float]:
+    """Bracket of ``max_v sum weights |v'g|`` over unit vectors, a norm of v, hence convex."""
+    n = kernel.values.shape[1]
+    if n == 1:
+        value = float(kernel.integral(np.ones((1, 1)))[0])
+        return value, value
+    if n == 2:
+        angles = np.arange(_DIRECTIONS_IN_PLANE) * (math.pi / _DIRECTIONS_IN_PLANE)
+        best = float(np.max(kernel.integral(np.array([np.cos(angles), np.sin(angles)]))))
+        return best, best / math.cos(math.pi / (2 * _DIRECTIONS_IN_PLANE))
+    v = steepest_direction(kernel)
+    return float(kernel.integral(v[:, None])[0]), _relaxed_maximum(kernel, v)
+
+
+def _relaxed_maximum(kernel: SampledKernel, v: FloatArray) -> float:
+    """Upper bound of ``max_v sum w |v'g|``: by Cauchy and Schwarz, for any positive a,
+
+    ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is ``sqrt(g'S g)`` with S a
+    density matrix, found by the multiplicative update of optimal experiment design.
+    """
+    n = v.size
+    used = np.linalg.norm(kernel.values, axis=1) > 0
+    values, weights = kernel.values[used], kernel.weights[used]
+    s = 0.9 * np.outer(v, v) + 0.1 * np.eye(n) / n
+    bound = math.inf
+    for _ in range(_RELAXATION_STEPS):
+        a = np.sqrt(np.einsum('ij,jk,ik->i', values, s, values))
+        moment = (values * (weights / a)[:, None]).T @ values
+        bound = min(bound, math.sqrt(float(weights @ a) * np.linalg.eigvalsh(moment)[-1]))
+        root = scipy.linalg.sqrtm(s).real
+        s = root @ moment @ root
+        s = s / np.trace(s) + 1e-12 * np.eye(n)
+    return bound
+
+
+def steepest_direction(kernel: SampledKernel) -> FloatArray:
+    """Unit vector v with a (locally) largest ``integral |v'g|``, shape (n,).
+
+    Every step moves to the gradient's direction, which never lowers a convex function.
+
+    Parameters
+    ----------
+    kernel
+        Sampled impulse response.
+    """
+    weighted = kernel.weights[:, None] * kernel.values
+    order = np.argsort(-np.linalg.norm(weighted, axis=1))[:_ASCENT_STARTS]
+    starts = np.vstack([np.eye(kernel.values.shape[1]), weighted[order]])
+    lengths = np.linalg.norm(starts, axis=1)
+    v = (starts[lengths > 0] / lengths[lengths > 0, None]).T
+    for _ in range(_ASCENT_STEPS):
+        gradient = weighted.T @ np.sign(kernel.values @ v)
+        moved = gradient / np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
+        if np.allclose(moved, v, rtol=0, atol=1e-12):
+            break
+        v = moved
+    return np.asarray(v[:, int(np.argmax(kernel.integral(v)))])
