@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dvs_event_camera.crossings import RawEvents, linear_log_crossings
+from dvs_event_camera.comparators import Comparator, ideal_comparator
 from dvs_event_camera.photoreceptor import LogPhotoreceptor, Photoreceptor
 from dvs_event_camera.pixel_events import PixelEvents
 from dvs_event_camera.references import (
@@ -16,9 +16,12 @@ from dvs_event_camera.references import (
     require_silent_start,
     threshold_step,
 )
-from dvs_event_camera.signed_crossings import signed_log_crossings
+from dvs_event_camera.signed_crossings import SignedComparator
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
+
+# Pixels worked on at a time, so that their levels stay in the processor's cache.
+_TILE = 16384
 
 
 class PixelArray:
@@ -45,6 +48,8 @@ class PixelArray:
         `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start.
     seed
         Of the random references.
+    backend
+        `numba`, `numpy` or `auto` (numba where it is installed and pays): same results.
 
     Raises
     ------
@@ -62,6 +67,7 @@ class PixelArray:
         reference_uncertainty: float = 0.0,
         initial_reference: str = 'luminosity',
         seed: int = 0,
+        backend: str = 'auto',
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
@@ -69,8 +75,9 @@ class PixelArray:
         self._uncertainty = reference_uncertainty
         self._initial_reference = initial_reference
         self._seed = seed
+        self._backend = backend
         self._stamp_ns: int | None = None
-        self._invalid = 0
+        self._comparator: Comparator
 
     @property
     def stamp_ns(self) -> int | None:
@@ -80,12 +87,12 @@ class PixelArray:
     @property
     def counts(self) -> NDArray[np.int32]:
         """N, the sum of polarities since the first sample, shape (r,); a copy."""
-        return self._counts.copy()
+        return self._comparator.counts.copy()
 
     @property
     def signs(self) -> NDArray[np.int8]:
         """Sign s of every reference, shape (r,); a copy. All +1 but with `signed_log`."""
-        return self._signs.copy()
+        return self._comparator.signs.copy()
 
     @property
     def bounds(self) -> ReferenceBounds:
@@ -95,12 +102,12 @@ class PixelArray:
     @property
     def reference_levels(self) -> FloatArray:
         """Level of every reference (log |q|), shape (r,)."""
-        return self._origin + self._counts * self._step
+        return self._origin + self._comparator.counts * self._step
 
     @property
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
-        return self._invalid
+        return self._comparator.invalid
 
     def update(self, stamp_ns: int, luminosity: ArrayLike) -> PixelEvents:
         """Take the next sample and return the events since the last one.
@@ -125,25 +132,25 @@ class PixelArray:
         ParameterError
             If the first sample violates (A1), or a later one is not later or has another size.
         """
-        sample = np.asarray(luminosity, dtype=np.float64).reshape(-1)
+        sample = np.asarray(luminosity).reshape(-1)
         if self._stamp_ns is None:
-            self._start(sample)
+            self._start(sample.astype(np.float64))
             self._stamp_ns = stamp_ns
             return PixelEvents.empty()
         if sample.size != self._origin.size:
             raise ParameterError(
-                'luminosity',
-                sample.size,
-                f'must have {self._origin.size} entries, as at the start',
+                'luminosity', sample.size, f'must have {self._origin.size} entries, as before'
             )
-        duration = stamp_ns - self._stamp_ns
-        if duration <= 0:
+        duration_ns = stamp_ns - self._stamp_ns
+        if duration_ns <= 0:
             raise ParameterError(
                 'stamp_ns', stamp_ns, f'must be later than the last, {self._stamp_ns}'
             )
-        events = self._advance(sample, duration).in_order(self._stamp_ns)
+        self._comparator.begin(self._stamp_ns, duration_ns)
+        for first in range(0, sample.size, _TILE):
+            self._comparator.fire(self._tile_levels(sample[first : first + _TILE]), first)
         self._stamp_ns = stamp_ns
-        return events
+        return self._comparator.finish()
 
     def _start(self, sample: FloatArray) -> None:
         sample = self._receptor.floored(sample)
@@ -152,41 +159,18 @@ class PixelArray:
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
         self._origin = reference_levels(self._receptor, references)
-        self._counts = np.zeros(sample.size, np.int32)
-        self._signs = np.where(sample < 0, -1, 1).astype(np.int8)
-        signed = self._receptor.dead_band is not None
-        self._previous = sample.copy() if signed else self._receptor.levels(sample)
-
-    def _advance(self, sample: FloatArray, duration_ns: int) -> RawEvents:
         band = self._receptor.dead_band
         if band is not None:
-            current = self._hold_invalid(sample.copy(), np.isfinite(sample))
-            events = signed_log_crossings(
-                self._previous,
-                current,
-                self._origin,
-                self._counts,
-                self._signs,
-                band=band,
-                step=self._step,
-                duration_ns=duration_ns,
-            )
+            self._comparator = SignedComparator(sample, self._origin, self._step, band)
         else:
-            levels = self._receptor.levels(sample)
-            current = self._hold_invalid(levels, np.isfinite(levels))
-            events = linear_log_crossings(
-                self._previous,
-                current,
-                self._origin,
-                self._counts,
-                step=self._step,
-                duration_ns=duration_ns,
+            self._comparator = ideal_comparator(
+                self._backend, self._receptor.levels(sample), self._origin, self._step
             )
-        self._previous = current
-        return events
+        self._scratch = np.empty(min(_TILE, sample.size))
 
-    def _hold_invalid(self, values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
-        if not valid.all():
-            self._invalid += int(valid.size - np.count_nonzero(valid))
-            np.copyto(values, self._previous, where=~valid)
-        return values
+    def _tile_levels(self, tile: NDArray[np.generic]) -> FloatArray:
+        scratch = self._scratch[: tile.size]
+        luminosity = np.asarray(tile, dtype=np.float64)
+        if self._receptor.dead_band is not None:
+            return luminosity
+        return self._receptor.levels(luminosity, out=scratch)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# Bits of the packed sort key below the time: sign, polarity, pixel.
-_SIGN_BITS = 1
-_POLARITY_BITS = 1
-_KEY_BITS = 63
+# A packed sort key is non-negative: time above pixel above a bit of polarity and one of sign.
+KEY_BITS = 63
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,8 +74,7 @@ class PixelEvents:
         if not elapsed.size:
             return cls.empty()
         pixel_bits = max(1, int(pixel.max()).bit_length())
-        low_bits = pixel_bits + _POLARITY_BITS + _SIGN_BITS
-        if int(elapsed.max()).bit_length() + low_bits > _KEY_BITS:
+        if int(elapsed.max()).bit_length() + pixel_bits + 2 > KEY_BITS:
             order = np.lexsort((polarity, pixel, elapsed))
             return cls(
                 t=elapsed[order] + start_ns,
