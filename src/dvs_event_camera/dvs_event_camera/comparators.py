@@ -32,9 +32,12 @@ _WORTH_COMPILING = 4096
 class Comparator(Protocol):
     """What a pixel array asks of its comparators."""
 
-    counts: CountArray
     signs: NDArray[np.int8]
     invalid: int
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval.
@@ -76,12 +79,17 @@ class NumpyComparator:
     """
 
     def __init__(self, levels: FloatArray, origin: FloatArray, step: float) -> None:
-        self.counts: CountArray = np.zeros(levels.size, np.int32)
+        self._counts: CountArray = np.zeros(levels.size, np.int32)
         self.signs: NDArray[np.int8] = np.broadcast_to(np.int8(1), levels.size)
         self.invalid = 0
         self._previous = levels.copy()
         self._origin = origin
         self._step = step
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
+        return self._counts
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `Comparator.begin`."""
@@ -93,18 +101,22 @@ class NumpyComparator:
         tile = slice(first_pixel, first_pixel + levels.size)
         previous = self._previous[tile]
         self.invalid += hold_invalid(levels, previous)
-        events = linear_log_crossings(
+        events = self._crossings(previous, levels, first_pixel)
+        previous[:] = levels
+        if events.elapsed.size:
+            self._parts.append(events)
+
+    def _crossings(self, previous: FloatArray, levels: FloatArray, first_pixel: int) -> RawEvents:
+        tile = slice(first_pixel, first_pixel + levels.size)
+        return linear_log_crossings(
             previous,
             levels,
             self._origin[tile],
-            self.counts[tile],
+            self._counts[tile],
             step=self._step,
             duration_ns=self._duration_ns,
             first_pixel=first_pixel,
         )
-        previous[:] = levels
-        if events.elapsed.size:
-            self._parts.append(events)
 
     def finish(self) -> PixelEvents:
         """Events of the interval; see `Comparator.finish`."""
@@ -163,7 +175,7 @@ class NumbaComparator(NumpyComparator):
                 levels,
                 self._previous[tile],
                 self._origin[tile],
-                self.counts[tile],
+                self._counts[tile],
                 self._step,
                 self._duration_ns,
                 first_pixel,

@@ -8,6 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dvs_event_camera.comparators import Comparator, ideal_comparator
+from dvs_event_camera.delay_line import DelayLine
+from dvs_event_camera.hermite import HermiteComparator
+from dvs_event_camera.imperfect_comparator import ImperfectComparator, NoiseLabels
+from dvs_event_camera.imperfections import Imperfections
+from dvs_event_camera.level_stages import Leak, LevelStage, level_stages
 from dvs_event_camera.photoreceptor import LogPhotoreceptor, Photoreceptor
 from dvs_event_camera.pixel_events import PixelEvents
 from dvs_event_camera.references import (
@@ -47,7 +52,13 @@ class PixelArray:
     initial_reference
         `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start.
     seed
-        Of the random references.
+        Of every random draw.
+    interpolation
+        `linear_log`: the level is linear in time between samples; `hermite`: a monotone cubic.
+    imperfections
+        Non-idealities; None for the ideal pixel of the paper.
+    label_noise
+        Whether events carry labels that tell noise from signal.
     backend
         `numba`, `numpy` or `auto` (numba where it is installed and pays): same results.
 
@@ -67,10 +78,17 @@ class PixelArray:
         reference_uncertainty: float = 0.0,
         initial_reference: str = 'luminosity',
         seed: int = 0,
+        interpolation: str = 'linear_log',
+        imperfections: Imperfections | None = None,
+        label_noise: bool = False,
         backend: str = 'auto',
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
+        self._imperfections = imperfections or Imperfections()
+        self._interpolation = interpolation
+        self._label_noise = label_noise
+        self._check_modes()
         self._explicit_bounds = bounds
         self._uncertainty = reference_uncertainty
         self._initial_reference = initial_reference
@@ -86,8 +104,11 @@ class PixelArray:
 
     @property
     def counts(self) -> NDArray[np.int32]:
-        """N, the sum of polarities since the first sample, shape (r,); a copy."""
-        return self._comparator.counts.copy()
+        """N, the sum of polarities given out since the first sample, shape (r,); a copy."""
+        counts = self._comparator.counts.copy()
+        if self._delay is not None:
+            counts -= self._delay.held_counts(counts.size).astype(np.int32)
+        return counts
 
     @property
     def signs(self) -> NDArray[np.int8]:
@@ -135,7 +156,7 @@ class PixelArray:
         sample = np.asarray(luminosity).reshape(-1)
         if self._stamp_ns is None:
             self._start(sample.astype(np.float64))
-            self._stamp_ns = stamp_ns
+            self._first_ns = self._stamp_ns = stamp_ns
             return PixelEvents.empty()
         if sample.size != self._origin.size:
             raise ParameterError(
@@ -146,11 +167,27 @@ class PixelArray:
             raise ParameterError(
                 'stamp_ns', stamp_ns, f'must be later than the last, {self._stamp_ns}'
             )
-        self._comparator.begin(self._stamp_ns, duration_ns)
-        for first in range(0, sample.size, _TILE):
-            self._comparator.fire(self._tile_levels(sample[first : first + _TILE]), first)
+        events = self._events_until(stamp_ns, sample, duration_ns)
         self._stamp_ns = stamp_ns
-        return self._comparator.finish()
+        return events
+
+    def _events_until(
+        self, stamp_ns: int, sample: NDArray[np.generic], duration_ns: int
+    ) -> PixelEvents:
+        elapsed_ns = stamp_ns - self._first_ns
+        self._comparator.begin(stamp_ns - duration_ns, duration_ns)
+        for first in range(0, sample.size, _TILE):
+            levels = self._tile_levels(sample[first : first + _TILE])
+            for stage in self._stages:
+                stage.apply(levels, first, elapsed_ns, duration_ns)
+            self._comparator.fire(levels, first)
+        events = self._comparator.finish()
+        if self._labels is not None:
+            leak = next((stage for stage in self._stages if isinstance(stage, Leak)), None)
+            events = self._labels.label(events, leak.due(elapsed_ns) if leak else None)
+        if self._delay is not None:
+            events = self._delay.pass_through(events, stamp_ns)
+        return events
 
     def _start(self, sample: FloatArray) -> None:
         sample = self._receptor.floored(sample)
@@ -159,14 +196,54 @@ class PixelArray:
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
         self._origin = reference_levels(self._receptor, references)
+        self._build(sample)
+        self._scratch = np.empty(min(_TILE, sample.size))
+
+    def _check_modes(self) -> None:
+        if self._interpolation not in ('linear_log', 'hermite'):
+            raise ParameterError(
+                'interpolation', self._interpolation, 'must be linear_log or hermite'
+            )
+        hermite = self._interpolation == 'hermite'
+        if self._receptor.dead_band is not None and (hermite or self._imperfections.any):
+            raise ParameterError(
+                'photoreceptor',
+                'signed_log',
+                'is no real sensor: it has neither imperfections nor hermite interpolation',
+            )
+        if hermite and self._imperfections.change_comparators:
+            raise ParameterError(
+                'interpolation',
+                self._interpolation,
+                'must be linear_log with threshold_mismatch, refractory_period or shot_noise_rate',
+            )
+
+    def _build(self, sample: FloatArray) -> None:
+        """Make comparators, stages and delay line; every random draw has a stream of its own."""
+        wanted = self._imperfections
+        streams = [np.random.default_rng([self._seed, number]) for number in range(3)]
+        self._stages: list[LevelStage] = []
         band = self._receptor.dead_band
         if band is not None:
             self._comparator = SignedComparator(sample, self._origin, self._step, band)
         else:
-            self._comparator = ideal_comparator(
-                self._backend, self._receptor.levels(sample), self._origin, self._step
-            )
-        self._scratch = np.empty(min(_TILE, sample.size))
+            levels = self._receptor.levels(sample)
+            self._comparator = self._comparator_for(levels, streams[0])
+            if wanted.change_levels:
+                self._stages = level_stages(wanted, levels, self._step, streams[1])
+        self._labels = NoiseLabels.of(sample.size) if self._label_noise else None
+        self._delay = (
+            DelayLine(wanted.latency * 1e9, wanted.jitter * 1e9, streams[2])
+            if wanted.delay_events
+            else None
+        )
+
+    def _comparator_for(self, levels: FloatArray, rng: np.random.Generator) -> Comparator:
+        if self._imperfections.change_comparators:
+            return ImperfectComparator(levels, self._origin, self._step, self._imperfections, rng)
+        if self._interpolation == 'hermite':
+            return HermiteComparator(levels, self._origin, self._step)
+        return ideal_comparator(self._backend, levels, self._origin, self._step)
 
     def _tile_levels(self, tile: NDArray[np.generic]) -> FloatArray:
         scratch = self._scratch[: tile.size]

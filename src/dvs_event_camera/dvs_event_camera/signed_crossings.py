@@ -159,11 +159,16 @@ class SignedComparator:
     def __init__(
         self, luminosity: FloatArray, origin: FloatArray, step: float, band: float
     ) -> None:
-        self.counts: CountArray = np.zeros(luminosity.size, np.int32)
+        self._counts: CountArray = np.zeros(luminosity.size, np.int32)
         self.signs: SignArray = np.where(luminosity < 0, -1, 1).astype(np.int8)
         self.invalid = 0
         self._previous = luminosity.copy()
         self._origin, self._step, self._band = origin, step, band
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
+        return self._counts
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `comparators.Comparator.begin`."""
@@ -180,7 +185,7 @@ class SignedComparator:
             previous,
             current,
             self._origin[tile],
-            self.counts[tile],
+            self._counts[tile],
             self.signs[tile],
             band=self._band,
             step=self._step,
