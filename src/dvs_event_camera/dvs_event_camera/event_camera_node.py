@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
+from sensor_msgs.msg import Image, PointCloud2
 
+from dvs_event_camera.photoreceptor import LogPhotoreceptor, SignedLogPhotoreceptor
+from dvs_event_camera.pixel_array import PixelArray
 from dvs_interfaces import topics
-from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.events import EventPacket, make_events, pack_events
 from dvs_interfaces.managed_node import ManagedNode
@@ -13,10 +14,6 @@ from dvs_interfaces.messages import luminosity_image, parse_image
 from dvs_interfaces.parameters import CAMERA
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.spin import run_nodes
-from sensor_msgs.msg import Image, PointCloud2
-
-from dvs_event_camera.photoreceptor import LogPhotoreceptor, SignedLogPhotoreceptor
-from dvs_event_camera.pixel_array import PixelArray
 
 
 class EventCameraNode(ManagedNode):
@@ -68,11 +65,12 @@ class EventCameraNode(ManagedNode):
             fired = self._pixels.update(frame.stamp_ns, y)
             events = make_events_of(fired, frame, self._index)
             self._index += len(fired)
-        self._events_publisher.publish(pack_events(EventPacket(stamp_ns=frame.stamp_ns, events=events)))
+        self._events_publisher.publish(
+            pack_events(EventPacket(stamp_ns=frame.stamp_ns, events=events))
+        )
 
 
 def make_events_of(fired, frame, index):
-    import numpy as np
 
     from dvs_event_camera.pixel_events import PixelEvents
 
