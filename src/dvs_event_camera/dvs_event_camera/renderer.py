@@ -95,7 +95,7 @@ class EventRenderer:
         floor = 0.0 if self._decays else _LEAST
         share = np.where(seen, floor + (1.0 - floor) * share, 0.0)[:, None]
         full = np.where((surface > 0)[:, None], on[1], off[1])
-        picture = np.rint(on[0] + share * (full - on[0])).astype(np.uint8)
+        picture: NDArray[np.uint8] = np.rint(on[0] + share * (full - on[0])).astype(np.uint8)
         if not self._decays:
             self._surface[:] = 0.0
         return picture.reshape(*self._shape, 3)
