@@ -169,3 +169,20 @@ def linear_log_crossings(
         polarity,
         np.ones(owner.size, np.int8),
     )
+
+
+def hold_invalid(levels: FloatArray, previous: FloatArray) -> int:
+    """Replace levels that are not finite by the previous ones; return how many there were.
+
+    Parameters
+    ----------
+    levels
+        New levels, shape (k,); overwritten.
+    previous
+        Last levels, shape (k,).
+    """
+    valid: NDArray[np.bool_] = np.isfinite(levels)
+    if valid.all():
+        return 0
+    np.copyto(levels, previous, where=~valid)
+    return int(valid.size - np.count_nonzero(valid))

@@ -169,27 +169,22 @@ class SignedLogPhotoreceptor:
 
     Parameters
     ----------
-    band
+    dead_band
         Half-width d of the silent band around zero, in the unit of luminosity, > 0 (paper,
         section IV: 1e-4).
 
     Raises
     ------
     ParameterError
-        If `band` is not positive and finite.
+        If `dead_band` is not positive and finite.
     """
 
-    band: float = 1e-4
+    dead_band: float = 1e-4
 
     def __post_init__(self) -> None:
         """Check the band."""
-        if not 0 < self.band < math.inf:
-            raise ParameterError('dead_band', self.band, 'must be > 0 and finite')
-
-    @property
-    def dead_band(self) -> float | None:
-        """Half-width of the silent band."""
-        return self.band
+        if not 0 < self.dead_band < math.inf:
+            raise ParameterError('dead_band', self.dead_band, 'must be > 0 and finite')
 
     def levels(self, luminosity: FloatArray, out: FloatArray | None = None) -> FloatArray:
         """``ln max(|y|, d)``.
@@ -201,7 +196,7 @@ class SignedLogPhotoreceptor:
         out
             Where to write the levels; a new array if None.
         """
-        magnitude = np.maximum(np.abs(luminosity, out=out), self.band, out=out)
+        magnitude = np.maximum(np.abs(luminosity, out=out), self.dead_band, out=out)
         return np.log(magnitude, out=out)
 
     def floored(self, luminosity: FloatArray) -> FloatArray:

@@ -7,7 +7,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dvs_event_camera.crossings import RawEvents, linear_log_crossings
+from dvs_event_camera.comparators import Comparator, ideal_comparator
+from dvs_event_camera.delay_line import DelayLine
+from dvs_event_camera.hermite import HermiteComparator
+from dvs_event_camera.imperfect_comparator import ImperfectComparator, NoiseLabels
+from dvs_event_camera.imperfections import Imperfections
+from dvs_event_camera.level_stages import Leak, LevelStage, level_stages
 from dvs_event_camera.photoreceptor import LogPhotoreceptor, Photoreceptor
 from dvs_event_camera.pixel_events import PixelEvents
 from dvs_event_camera.references import (
@@ -16,9 +21,12 @@ from dvs_event_camera.references import (
     require_silent_start,
     threshold_step,
 )
-from dvs_event_camera.signed_crossings import signed_log_crossings
+from dvs_event_camera.signed_crossings import SignedComparator
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
+
+# Pixels worked on at a time, so that their levels stay in the processor's cache.
+_TILE = 16384
 
 
 class PixelArray:
@@ -44,7 +52,15 @@ class PixelArray:
     initial_reference
         `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start.
     seed
-        Of the random references.
+        Of every random draw.
+    interpolation
+        `linear_log`: the level is linear in time between samples; `hermite`: a monotone cubic.
+    imperfections
+        Non-idealities; None for the ideal pixel of the paper.
+    label_noise
+        Whether events carry labels that tell noise from signal.
+    backend
+        `numba`, `numpy` or `auto` (numba where it is installed and pays): same results.
 
     Raises
     ------
@@ -62,15 +78,24 @@ class PixelArray:
         reference_uncertainty: float = 0.0,
         initial_reference: str = 'luminosity',
         seed: int = 0,
+        interpolation: str = 'linear_log',
+        imperfections: Imperfections | None = None,
+        label_noise: bool = False,
+        backend: str = 'auto',
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
+        self._imperfections = imperfections or Imperfections()
+        self._interpolation = interpolation
+        self._label_noise = label_noise
+        self._check_modes()
         self._explicit_bounds = bounds
         self._uncertainty = reference_uncertainty
         self._initial_reference = initial_reference
         self._seed = seed
+        self._backend = backend
         self._stamp_ns: int | None = None
-        self._invalid = 0
+        self._comparator: Comparator
 
     @property
     def stamp_ns(self) -> int | None:
@@ -79,13 +104,16 @@ class PixelArray:
 
     @property
     def counts(self) -> NDArray[np.int32]:
-        """N, the sum of polarities since the first sample, shape (r,); a copy."""
-        return self._counts.copy()
+        """N, the sum of polarities given out since the first sample, shape (r,); a copy."""
+        counts = self._comparator.counts.copy()
+        if self._delay is not None:
+            counts -= self._delay.held_counts(counts.size).astype(np.int32)
+        return counts
 
     @property
     def signs(self) -> NDArray[np.int8]:
         """Sign s of every reference, shape (r,); a copy. All +1 but with `signed_log`."""
-        return self._signs.copy()
+        return self._comparator.signs.copy()
 
     @property
     def bounds(self) -> ReferenceBounds:
@@ -95,12 +123,12 @@ class PixelArray:
     @property
     def reference_levels(self) -> FloatArray:
         """Level of every reference (log |q|), shape (r,)."""
-        return self._origin + self._counts * self._step
+        return self._origin + self._comparator.counts * self._step
 
     @property
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
-        return self._invalid
+        return self._comparator.invalid
 
     def update(self, stamp_ns: int, luminosity: ArrayLike) -> PixelEvents:
         """Take the next sample and return the events since the last one.
@@ -125,24 +153,40 @@ class PixelArray:
         ParameterError
             If the first sample violates (A1), or a later one is not later or has another size.
         """
-        sample = np.asarray(luminosity, dtype=np.float64).reshape(-1)
+        sample = np.asarray(luminosity).reshape(-1)
         if self._stamp_ns is None:
-            self._start(sample)
-            self._stamp_ns = stamp_ns
+            self._start(sample.astype(np.float64))
+            self._first_ns = self._stamp_ns = stamp_ns
             return PixelEvents.empty()
         if sample.size != self._origin.size:
             raise ParameterError(
-                'luminosity',
-                sample.size,
-                f'must have {self._origin.size} entries, as at the start',
+                'luminosity', sample.size, f'must have {self._origin.size} entries, as before'
             )
-        duration = stamp_ns - self._stamp_ns
-        if duration <= 0:
+        duration_ns = stamp_ns - self._stamp_ns
+        if duration_ns <= 0:
             raise ParameterError(
                 'stamp_ns', stamp_ns, f'must be later than the last, {self._stamp_ns}'
             )
-        events = self._advance(sample, duration).in_order(self._stamp_ns)
+        events = self._events_until(stamp_ns, sample, duration_ns)
         self._stamp_ns = stamp_ns
+        return events
+
+    def _events_until(
+        self, stamp_ns: int, sample: NDArray[np.generic], duration_ns: int
+    ) -> PixelEvents:
+        elapsed_ns = stamp_ns - self._first_ns
+        self._comparator.begin(stamp_ns - duration_ns, duration_ns)
+        for first in range(0, sample.size, _TILE):
+            levels = self._tile_levels(sample[first : first + _TILE])
+            for stage in self._stages:
+                stage.apply(levels, first, elapsed_ns, duration_ns)
+            self._comparator.fire(levels, first)
+        events = self._comparator.finish()
+        if self._labels is not None:
+            leak = next((stage for stage in self._stages if isinstance(stage, Leak)), None)
+            events = self._labels.label(events, leak.due(elapsed_ns) if leak else None)
+        if self._delay is not None:
+            events = self._delay.pass_through(events, stamp_ns)
         return events
 
     def _start(self, sample: FloatArray) -> None:
@@ -152,41 +196,58 @@ class PixelArray:
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
         self._origin = reference_levels(self._receptor, references)
-        self._counts = np.zeros(sample.size, np.int32)
-        self._signs = np.where(sample < 0, -1, 1).astype(np.int8)
-        signed = self._receptor.dead_band is not None
-        self._previous = sample.copy() if signed else self._receptor.levels(sample)
+        self._build(sample)
+        self._scratch = np.empty(min(_TILE, sample.size))
 
-    def _advance(self, sample: FloatArray, duration_ns: int) -> RawEvents:
+    def _check_modes(self) -> None:
+        if self._interpolation not in ('linear_log', 'hermite'):
+            raise ParameterError(
+                'interpolation', self._interpolation, 'must be linear_log or hermite'
+            )
+        hermite = self._interpolation == 'hermite'
+        if self._receptor.dead_band is not None and (hermite or self._imperfections.any):
+            raise ParameterError(
+                'photoreceptor',
+                'signed_log',
+                'is no real sensor: it has neither imperfections nor hermite interpolation',
+            )
+        if hermite and self._imperfections.change_comparators:
+            raise ParameterError(
+                'interpolation',
+                self._interpolation,
+                'must be linear_log with threshold_mismatch, refractory_period or shot_noise_rate',
+            )
+
+    def _build(self, sample: FloatArray) -> None:
+        """Make comparators, stages and delay line; every random draw has a stream of its own."""
+        wanted = self._imperfections
+        streams = [np.random.default_rng([self._seed, number]) for number in range(3)]
+        self._stages: list[LevelStage] = []
         band = self._receptor.dead_band
         if band is not None:
-            current = self._hold_invalid(sample.copy(), np.isfinite(sample))
-            events = signed_log_crossings(
-                self._previous,
-                current,
-                self._origin,
-                self._counts,
-                self._signs,
-                band=band,
-                step=self._step,
-                duration_ns=duration_ns,
-            )
+            self._comparator = SignedComparator(sample, self._origin, self._step, band)
         else:
             levels = self._receptor.levels(sample)
-            current = self._hold_invalid(levels, np.isfinite(levels))
-            events = linear_log_crossings(
-                self._previous,
-                current,
-                self._origin,
-                self._counts,
-                step=self._step,
-                duration_ns=duration_ns,
-            )
-        self._previous = current
-        return events
+            self._comparator = self._comparator_for(levels, streams[0])
+            if wanted.change_levels:
+                self._stages = level_stages(wanted, levels, self._step, streams[1])
+        self._labels = NoiseLabels.of(sample.size) if self._label_noise else None
+        self._delay = (
+            DelayLine(wanted.latency * 1e9, wanted.jitter * 1e9, streams[2])
+            if wanted.delay_events
+            else None
+        )
 
-    def _hold_invalid(self, values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
-        if not valid.all():
-            self._invalid += int(valid.size - np.count_nonzero(valid))
-            np.copyto(values, self._previous, where=~valid)
-        return values
+    def _comparator_for(self, levels: FloatArray, rng: np.random.Generator) -> Comparator:
+        if self._imperfections.change_comparators:
+            return ImperfectComparator(levels, self._origin, self._step, self._imperfections, rng)
+        if self._interpolation == 'hermite':
+            return HermiteComparator(levels, self._origin, self._step)
+        return ideal_comparator(self._backend, levels, self._origin, self._step)
+
+    def _tile_levels(self, tile: NDArray[np.generic]) -> FloatArray:
+        scratch = self._scratch[: tile.size]
+        luminosity = np.asarray(tile, dtype=np.float64)
+        if self._receptor.dead_band is not None:
+            return luminosity
+        return self._receptor.levels(luminosity, out=scratch)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Bits of the packed sort key below the time: sign, polarity, pixel.
-_SIGN_BITS = 1
-_POLARITY_BITS = 1
-_KEY_BITS = 63
+# A packed sort key is non-negative: time above pixel above a bit of polarity and one of sign.
+KEY_BITS = 63
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,12 +27,16 @@ class PixelEvents:
         +1 (ON) or -1 (OFF), int8, shape (k,).
     sign
         Sign of the pixel's reference, +1 or -1, int8, shape (k,); -1 only with `signed_log`.
+    noise
+        1 where light is not the cause of the event, 0 where it is, int8, shape (k,); None where
+        nothing is labelled.
     """
 
     t: NDArray[np.int64]
     pixel: NDArray[np.int32]
     polarity: NDArray[np.int8]
     sign: NDArray[np.int8]
+    noise: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -48,6 +50,66 @@ class PixelEvents:
             polarity=np.empty(0, np.int8),
             sign=np.empty(0, np.int8),
         )
+
+    def take(self, which: slice | NDArray[np.int64]) -> PixelEvents:
+        """Some of the events, in the order given.
+
+        Parameters
+        ----------
+        which
+            Slice or indices.
+        """
+        return PixelEvents(
+            t=self.t[which],
+            pixel=self.pixel[which],
+            polarity=self.polarity[which],
+            sign=self.sign[which],
+            noise=None if self.noise is None else self.noise[which],
+        )
+
+    def delayed(self, delay_ns: NDArray[np.int64]) -> PixelEvents:
+        """Events later by `delay_ns`, put in order again.
+
+        Parameters
+        ----------
+        delay_ns
+            Delay of each event, ns, shape (k,).
+        """
+        late = replace(self, t=self.t + delay_ns)
+        return late.take(np.lexsort((late.polarity, late.pixel, late.t)))
+
+    def labelled(self, noise: NDArray[np.int8]) -> PixelEvents:
+        """The same events with other labels.
+
+        Parameters
+        ----------
+        noise
+            1 for noise, 0 for signal, shape (k,).
+        """
+        return replace(self, noise=noise)
+
+    @staticmethod
+    def merged(one: PixelEvents, other: PixelEvents) -> PixelEvents:
+        """Events of both in order; labelled if the non-empty ones are.
+
+        Parameters
+        ----------
+        one
+            Sorted events.
+        other
+            Sorted events.
+        """
+        if not len(one) or not len(other):
+            return one if len(one) else other
+        labels = [part.noise for part in (one, other) if part.noise is not None]
+        both = PixelEvents(
+            t=np.concatenate([one.t, other.t]),
+            pixel=np.concatenate([one.pixel, other.pixel]),
+            polarity=np.concatenate([one.polarity, other.polarity]),
+            sign=np.concatenate([one.sign, other.sign]),
+            noise=np.concatenate(labels) if len(labels) == 2 else None,
+        )
+        return both.take(np.lexsort((both.polarity, both.pixel, both.t)))
 
     @classmethod
     def sorted_from(
@@ -76,8 +138,7 @@ class PixelEvents:
         if not elapsed.size:
             return cls.empty()
         pixel_bits = max(1, int(pixel.max()).bit_length())
-        low_bits = pixel_bits + _POLARITY_BITS + _SIGN_BITS
-        if int(elapsed.max()).bit_length() + low_bits > _KEY_BITS:
+        if int(elapsed.max()).bit_length() + pixel_bits + 2 > KEY_BITS:
             order = np.lexsort((polarity, pixel, elapsed))
             return cls(
                 t=elapsed[order] + start_ns,

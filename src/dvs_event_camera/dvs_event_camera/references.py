@@ -113,7 +113,7 @@ def initial_references(
     Parameters
     ----------
     kind
-        `luminosity` (``|y(0)|``), `lower` (m), `upper` (M) or `random` (uniform in [m, M]).
+        `luminosity` (``|y(0)|``), `lower` (m), `upper` (M) or `random` (log-uniform in [m, M]).
     bounds
         m and M, shape (r,).
     luminosity
@@ -136,7 +136,7 @@ def initial_references(
         return bounds.upper.copy()
     if kind == 'random':
         fraction = np.random.default_rng(seed).random(bounds.lower.size)
-        return bounds.lower + fraction * (bounds.upper - bounds.lower)
+        return bounds.lower * (bounds.upper / bounds.lower) ** fraction
     reference = np.abs(luminosity)
     if (bad := np.flatnonzero((reference < bounds.lower) | (reference > bounds.upper))).size:
         i = int(bad[0])

@@ -16,11 +16,13 @@ from dvs_event_camera.crossings import (
     CountArray,
     FloatArray,
     RawEvents,
+    hold_invalid,
     join,
     ladder,
     quantise,
     stamp,
 )
+from dvs_event_camera.pixel_events import PixelEvents
 
 SignArray = NDArray[np.int8]
 
@@ -137,3 +139,64 @@ class _Interval:
         l0, l1 = (np.log(np.maximum(np.abs(y), self._band)) for y in (y0, y1))
         logarithmic = (np.log(magnitude) - l0) / np.where(l1 == l0, 1.0, l1 - l0)
         return np.where(self._linear[owner], linear, logarithmic)
+
+
+class SignedComparator:
+    """Signed-log pixels as a `comparators.Comparator`; takes luminosities in place of levels.
+
+    Parameters
+    ----------
+    luminosity
+        First sample, shape (r,).
+    origin
+        Logarithm of the first references' magnitudes, shape (r,).
+    step
+        Threshold as a change of the logarithm, ``h ln b``.
+    band
+        Half-width of the silent band.
+    """
+
+    def __init__(
+        self, luminosity: FloatArray, origin: FloatArray, step: float, band: float
+    ) -> None:
+        self._counts: CountArray = np.zeros(luminosity.size, np.int32)
+        self.signs: SignArray = np.where(luminosity < 0, -1, 1).astype(np.int8)
+        self.invalid = 0
+        self._previous = luminosity.copy()
+        self._origin, self._step, self._band = origin, step, band
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
+        return self._counts
+
+    def begin(self, start_ns: int, duration_ns: int) -> None:
+        """Start an interval; see `comparators.Comparator.begin`."""
+        self._start_ns, self._duration_ns = start_ns, duration_ns
+        self._parts: list[RawEvents] = []
+
+    def fire(self, levels: FloatArray, first_pixel: int) -> None:
+        """Compare luminosities; see `comparators.Comparator.fire`."""
+        tile = slice(first_pixel, first_pixel + levels.size)
+        previous = self._previous[tile]
+        current = levels.copy()
+        self.invalid += hold_invalid(current, previous)
+        events = signed_log_crossings(
+            previous,
+            current,
+            self._origin[tile],
+            self._counts[tile],
+            self.signs[tile],
+            band=self._band,
+            step=self._step,
+            duration_ns=self._duration_ns,
+        )
+        previous[:] = current
+        if events.elapsed.size:
+            self._parts.append(events._replace(pixel=events.pixel + first_pixel))
+
+    def finish(self) -> PixelEvents:
+        """Events of the interval; see `comparators.Comparator.finish`."""
+        if not self._parts:
+            return PixelEvents.empty()
+        return join(self._parts).in_order(self._start_ns)

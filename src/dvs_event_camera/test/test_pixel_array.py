@@ -65,7 +65,7 @@ def test_reference_stays_within_one_threshold_of_the_luminosity(levels, h, base,
 @settings(max_examples=300, deadline=None)
 def test_signed_reference_has_the_sign_of_the_luminosity_outside_the_band(samples, h):
     band = 0.05
-    array = PixelArray(event_threshold=h, photoreceptor=SignedLogPhotoreceptor(band=band))
+    array = PixelArray(event_threshold=h, photoreceptor=SignedLogPhotoreceptor(dead_band=band))
     array.update(0, [1.5])
     count, sign = 0, 1
     for k, y in enumerate(samples, start=1):
@@ -84,7 +84,7 @@ def test_signed_reference_has_the_sign_of_the_luminosity_outside_the_band(sample
 
 def test_crossing_of_zero_is_down_flip_and_up_with_linear_stamps():
     h, band = 0.5, 0.1
-    array = PixelArray(event_threshold=h, photoreceptor=SignedLogPhotoreceptor(band=band))
+    array = PixelArray(event_threshold=h, photoreceptor=SignedLogPhotoreceptor(dead_band=band))
     array.update(0, [1.0])
     events = array.update(1000 * MS, [-1.0])  # y = 1 - 2 t
     down = [math.exp(-h * k) for k in range(1, 5)]
@@ -96,7 +96,7 @@ def test_crossing_of_zero_is_down_flip_and_up_with_linear_stamps():
 
 
 def test_pixel_is_silent_inside_the_band_and_its_sign_waits_for_the_edge():
-    array = PixelArray(event_threshold=0.3, photoreceptor=SignedLogPhotoreceptor(band=0.1))
+    array = PixelArray(event_threshold=0.3, photoreceptor=SignedLogPhotoreceptor(dead_band=0.1))
     array.update(0, [0.11])
     assert len(array.update(MS, [-0.09])) == 0
     assert len(array.update(2 * MS, [0.05])) == 0

@@ -15,6 +15,7 @@ from dvs_interfaces.model import FloatArray
 
 _LITTLE_ENDIAN_HEADER = b'\x00\x01\x00\x00'
 _U32 = struct.Struct('<I')
+_U64 = struct.Struct('<Q')
 _STAMP = struct.Struct('<iI')
 _NANOSECONDS = 1_000_000_000
 
@@ -43,6 +44,11 @@ class CdrWriter:
         """Append an unsigned 32-bit integer."""
         self.align(4)
         self._buffer += _U32.pack(value)
+
+    def u64(self, value: int) -> None:
+        """Append an unsigned 64-bit integer."""
+        self.align(8)
+        self._buffer += _U64.pack(value)
 
     def stamp(self, nanoseconds: int) -> None:
         """Append a builtin_interfaces/Time."""
@@ -116,6 +122,10 @@ class CdrReader:
     def u32(self) -> int:
         """Read an unsigned 32-bit integer."""
         return int(_U32.unpack_from(self._buffer, self._take(4, 4))[0])
+
+    def u64(self) -> int:
+        """Read an unsigned 64-bit integer."""
+        return int(_U64.unpack_from(self._buffer, self._take(8, 8))[0])
 
     def stamp(self) -> int:
         """Read a builtin_interfaces/Time as nanoseconds."""

@@ -20,12 +20,21 @@ EVENT_DTYPE = np.dtype(
         'itemsize': 16,
     }
 )
+# The same record with the label of `events_label` in what is padding otherwise.
+LABELLED_EVENT_DTYPE = np.dtype(
+    {
+        'names': ['x', 'y', 't', 'index', 'polarity', 'sign', 'noise'],
+        'formats': ['<u2', '<u2', '<i4', '<u4', 'i1', 'i1', 'u1'],
+        'offsets': [0, 2, 4, 8, 12, 13, 14],
+        'itemsize': 16,
+    }
+)
 FRAME_ID = 'pixels'
 INDEX_MODULUS = 2**32
 LONGEST_INTERVAL_NS = 2**31 - 1
 
 # sensor_msgs/PointField datatypes.
-_INT8, _UINT16, _INT32, _UINT32 = 1, 4, 5, 6
+_INT8, _UINT8, _UINT16, _INT32, _UINT32 = 1, 2, 4, 5, 6
 _FIELDS = (
     ('x', 0, _UINT16),
     ('y', 2, _UINT16),
@@ -34,6 +43,7 @@ _FIELDS = (
     ('polarity', 12, _INT8),
     ('sign', 13, _INT8),
 )
+_LABEL_FIELD = ('noise', 14, _UINT8)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +55,7 @@ class EventPacket:
     stamp_ns
         End of the interval covered, ns.
     events
-        Records of `EVENT_DTYPE`, shape (E,), sorted by (t, y, x); ``t`` is in ns relative to
+        Records of `EVENT_DTYPE` (or `LABELLED_EVENT_DTYPE`), shape (E,), sorted by (t, y, x); ``t`` is in ns relative to
         `stamp_ns`, <= 0; ``index`` is the running event number modulo 2^32.
     """
 
@@ -104,13 +114,15 @@ def pack_events(packet: EventPacket) -> bytes:
         Events to publish.
     """
     data = np.ascontiguousarray(packet.events)
+    labelled = data.dtype == LABELLED_EVENT_DTYPE
+    fields = (*_FIELDS, _LABEL_FIELD) if labelled else _FIELDS
     writer = CdrWriter()
     writer.stamp(packet.stamp_ns)
     writer.text(FRAME_ID)
     writer.u32(1)
     writer.u32(len(data))
-    writer.u32(len(_FIELDS))
-    for name, offset, datatype in _FIELDS:
+    writer.u32(len(fields))
+    for name, offset, datatype in fields:
         writer.text(name)
         writer.u32(offset)
         writer.u8(datatype)
@@ -152,4 +164,5 @@ def parse_events(message: bytes) -> EventPacket:
         raise MessageError(f'point_step {point_step} must be {EVENT_DTYPE.itemsize}, little-endian')
     if len(data) != height * width * EVENT_DTYPE.itemsize:
         raise MessageError(f'{height} x {width} events do not fit {len(data)} bytes of data')
-    return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=EVENT_DTYPE))
+    dtype = LABELLED_EVENT_DTYPE if _LABEL_FIELD in fields else EVENT_DTYPE
+    return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=dtype))

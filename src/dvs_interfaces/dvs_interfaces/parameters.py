@@ -173,9 +173,9 @@ _SENSOR = (
         kind=Kind.TEXT,
         default='log',
         nodes=_ALL,
-        choices=('log', 'signed_log'),
-        description='Pixel law: log of a positive luminosity, or the signed log of the paper\'s '
-        'example (no real sensor)',
+        choices=('log', 'lin_log', 'signed_log'),
+        description='Pixel law: log of a positive luminosity, linear below a knee and log above '
+        'it, or the signed log of the paper\'s example (no real sensor)',
     ),
     ParameterSpec(
         name='dead_band',
@@ -346,4 +346,204 @@ _CONTROL = (
     ),
 )
 
-SCHEMA = Schema((*_MODEL, *_SENSOR, *_RUN, *_DISTURBANCE, *_CONTROL))
+_CAMERA_EXTRAS = (
+    ParameterSpec(
+        name='log_floor',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='luminosity',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='With log, luminosity below which a pixel sees no difference; 0: y <= 0 is an '
+        'error. Integer images are floored at half a grey level in any case',
+    ),
+    ParameterSpec(
+        name='lin_log_knee',
+        kind=Kind.FLOAT,
+        default=20.0,
+        unit='luminosity',
+        nodes=_CAMERA,
+        interval=Interval(low=1, low_open=True),
+        description='With lin_log, luminosity up to which the photoreceptor is linear',
+    ),
+    ParameterSpec(
+        name='interpolation',
+        kind=Kind.TEXT,
+        default='linear_log',
+        nodes=_CAMERA,
+        choices=('linear_log', 'hermite'),
+        description='Course of the level between two samples, which dates the events: linear, or a '
+        'monotone cubic through the last four samples',
+    ),
+    ParameterSpec(
+        name='threshold_mismatch',
+        kind=Kind.FLOAT,
+        default=0.0,
+        nodes=_CAMERA,
+        interval=Interval(low=0, high=1),
+        description='Standard deviation of the ON and OFF thresholds of the pixels relative to h, '
+        'frozen',
+    ),
+    ParameterSpec(
+        name='refractory_period',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Time after an event in which a pixel is silent; its reference waits, so that '
+        'no polarity is lost',
+    ),
+    ParameterSpec(
+        name='leak_rate',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='1/s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='ON events of a pixel in constant light',
+    ),
+    ParameterSpec(
+        name='shot_noise_rate',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='1/s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Spurious events of a pixel, ON and OFF alike; its reference moves with them',
+    ),
+    ParameterSpec(
+        name='cutoff_frequency',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='Hz',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Corner of the photoreceptor\'s first-order low-pass; 0: none',
+    ),
+    ParameterSpec(
+        name='cutoff_luminosity',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='luminosity',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Luminosity below which the corner falls in proportion, down to a tenth; 0: '
+        'the same corner everywhere',
+    ),
+    ParameterSpec(
+        name='hot_pixel_fraction',
+        kind=Kind.FLOAT,
+        default=0.0,
+        nodes=_CAMERA,
+        interval=Interval(low=0, high=1),
+        description='Share of pixels that leak at hot_pixel_rate',
+    ),
+    ParameterSpec(
+        name='hot_pixel_rate',
+        kind=Kind.FLOAT,
+        default=100.0,
+        unit='1/s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='ON events of a hot pixel',
+    ),
+    ParameterSpec(
+        name='dead_pixel_fraction',
+        kind=Kind.FLOAT,
+        default=0.0,
+        nodes=_CAMERA,
+        interval=Interval(low=0, high=1),
+        description='Share of pixels that never fire',
+    ),
+    ParameterSpec(
+        name='latency',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Delay from a crossing to the stamp of its event',
+    ),
+    ParameterSpec(
+        name='jitter',
+        kind=Kind.FLOAT,
+        default=0.0,
+        unit='s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Standard deviation of the delay; a delay is never negative',
+    ),
+    ParameterSpec(
+        name='label_noise',
+        kind=Kind.BOOL,
+        default=False,
+        nodes=_CAMERA,
+        description='Publish events_label: the events with a field that tells noise (1) from '
+        'signal (0)',
+    ),
+    ParameterSpec(
+        name='keyframe_period',
+        kind=Kind.FLOAT,
+        default=1.0,
+        unit='s',
+        nodes=_CAMERA,
+        interval=NON_NEGATIVE,
+        description='Time of the samples between two keyframes, the sums of polarities of all '
+        'pixels; 0: only at a start',
+    ),
+    ParameterSpec(
+        name='display_rate',
+        kind=Kind.FLOAT,
+        default=25.0,
+        unit='Hz',
+        nodes=_CAMERA,
+        interval=POSITIVE,
+        description='Rate of event_image in the time of the samples, while somebody looks',
+    ),
+    ParameterSpec(
+        name='display_style',
+        kind=Kind.TEXT,
+        default='time_slice',
+        nodes=_CAMERA,
+        choices=('time_slice', 'surface'),
+        description='event_image: net polarity since the last image, or an exponentially decaying '
+        'surface',
+    ),
+    ParameterSpec(
+        name='display_decay',
+        kind=Kind.FLOAT,
+        default=0.05,
+        unit='s',
+        nodes=_CAMERA,
+        interval=POSITIVE,
+        description='Time constant of the decaying surface',
+    ),
+    ParameterSpec(
+        name='display_palette',
+        kind=Kind.TEXT,
+        default='red_blue',
+        nodes=_CAMERA,
+        choices=('red_blue', 'orange_blue'),
+        description='Colours of ON and OFF on dark ground; orange and blue are told apart by '
+        'every kind of colour vision',
+    ),
+    ParameterSpec(
+        name='compressed_input',
+        kind=Kind.BOOL,
+        default=False,
+        nodes=_CAMERA,
+        description='Take sensor_msgs/CompressedImage on luminosity/compressed instead of '
+        'luminosity; needs OpenCV or Pillow',
+    ),
+    ParameterSpec(
+        name='image_reliability',
+        kind=Kind.TEXT,
+        default='reliable',
+        nodes=_CAMERA,
+        choices=('reliable', 'best_effort'),
+        description='QoS of the image input: best_effort also hears drivers that offer no more',
+    ),
+)
+
+SCHEMA = Schema((*_MODEL, *_SENSOR, *_CAMERA_EXTRAS, *_RUN, *_DISTURBANCE, *_CONTROL))

@@ -6,6 +6,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 LUMINOSITY = 'luminosity'
 EVENTS = 'events'
+EVENTS_LABEL = 'events_label'
+EVENTS_PACKET = 'events_packet'
 POLARITY = 'polarity'
 EVENT_IMAGE = 'event_image'
 KEYFRAME = 'keyframe'

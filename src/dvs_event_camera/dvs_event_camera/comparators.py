@@ -1,0 +1,242 @@
+"""The comparators of a pixel array: levels of a tile of pixels in, events of the interval out.
+
+An array works through a frame in tiles that fit into the processor's cache, so that a frame
+without events costs one pass over memory. A comparator is told when an interval begins, is handed
+the levels tile by tile, and gives the events in order at the end.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_event_camera.crossings import (
+    CountArray,
+    FloatArray,
+    RawEvents,
+    hold_invalid,
+    join,
+    linear_log_crossings,
+)
+from dvs_event_camera.pixel_events import KEY_BITS, PixelEvents
+from dvs_interfaces.errors import ParameterError
+
+# Pixels from which compiling (once, then cached) and importing numba pays.
+_WORTH_COMPILING = 4096
+
+
+class Comparator(Protocol):
+    """What a pixel array asks of its comparators."""
+
+    signs: NDArray[np.int8]
+    invalid: int
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
+
+    def begin(self, start_ns: int, duration_ns: int) -> None:
+        """Start an interval.
+
+        Parameters
+        ----------
+        start_ns
+            Time of the last sample, ns.
+        duration_ns
+            Time to the new sample, ns.
+        """
+
+    def fire(self, levels: FloatArray, first_pixel: int) -> None:
+        """Compare a tile.
+
+        Parameters
+        ----------
+        levels
+            Levels at the end of the interval, shape (k,); may be overwritten.
+        first_pixel
+            Index of the tile's first pixel.
+        """
+
+    def finish(self) -> PixelEvents:
+        """Events of the interval in order."""
+
+
+class NumpyComparator:
+    """Ideal pixels, level linear in time, in NumPy.
+
+    Parameters
+    ----------
+    levels
+        Levels at the first sample, shape (r,).
+    origin
+        Levels of the first references, shape (r,).
+    step
+        Threshold as a change of the level, ``h ln b``.
+    """
+
+    def __init__(self, levels: FloatArray, origin: FloatArray, step: float) -> None:
+        self._counts: CountArray = np.zeros(levels.size, np.int32)
+        self.signs: NDArray[np.int8] = np.broadcast_to(np.int8(1), levels.size)
+        self.invalid = 0
+        self._previous = levels.copy()
+        self._origin = origin
+        self._step = step
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
+        return self._counts
+
+    def begin(self, start_ns: int, duration_ns: int) -> None:
+        """Start an interval; see `Comparator.begin`."""
+        self._start_ns, self._duration_ns = start_ns, duration_ns
+        self._parts: list[RawEvents] = []
+
+    def fire(self, levels: FloatArray, first_pixel: int) -> None:
+        """Compare a tile; see `Comparator.fire`."""
+        tile = slice(first_pixel, first_pixel + levels.size)
+        previous = self._previous[tile]
+        self.invalid += hold_invalid(levels, previous)
+        events = self._crossings(previous, levels, first_pixel)
+        previous[:] = levels
+        if events.elapsed.size:
+            self._parts.append(events)
+
+    def _crossings(self, previous: FloatArray, levels: FloatArray, first_pixel: int) -> RawEvents:
+        tile = slice(first_pixel, first_pixel + levels.size)
+        return linear_log_crossings(
+            previous,
+            levels,
+            self._origin[tile],
+            self._counts[tile],
+            step=self._step,
+            duration_ns=self._duration_ns,
+            first_pixel=first_pixel,
+        )
+
+    def finish(self) -> PixelEvents:
+        """Events of the interval; see `Comparator.finish`."""
+        if not self._parts:
+            return PixelEvents.empty()
+        return join(self._parts).in_order(self._start_ns)
+
+
+class NumbaComparator(NumpyComparator):
+    """The same, compiled; intervals too long for the packed keys are left to NumPy.
+
+    Parameters
+    ----------
+    levels
+        Levels at the first sample, shape (r,).
+    origin
+        Levels of the first references, shape (r,).
+    step
+        Threshold as a change of the level, ``h ln b``.
+    """
+
+    def __init__(self, levels: FloatArray, origin: FloatArray, step: float) -> None:
+        super().__init__(levels, origin, step)
+        self._compiled: Any = importlib.import_module('dvs_event_camera.crossings_numba')
+        self._pixel_bits = max(1, (levels.size - 1).bit_length())
+        self._keys = np.empty(1024, np.int64)
+        self._mask = np.zeros(0, np.uint8)
+        self._invalid = np.zeros(1, np.int64)
+
+    def begin(self, start_ns: int, duration_ns: int) -> None:
+        """Start an interval; see `Comparator.begin`."""
+        super().begin(start_ns, duration_ns)
+        self._used = 0
+        self._packed = duration_ns.bit_length() + self._pixel_bits + 2 <= KEY_BITS
+
+    def fire(self, levels: FloatArray, first_pixel: int) -> None:
+        """Compare a tile; see `Comparator.fire`."""
+        if not self._packed:
+            super().fire(levels, first_pixel)
+            return
+        if self._mask.size < levels.size + 8:
+            self._mask = np.zeros((levels.size + 15) // 8 * 8, np.uint8)
+        used = self._fire(levels, first_pixel)
+        if used < 0:
+            grown = np.empty(max(-used, 2 * self._keys.size), np.int64)
+            grown[: self._used] = self._keys[: self._used]
+            self._keys = grown
+            used = self._fire(levels, first_pixel)
+        self._used = used
+        self.invalid = int(self._invalid[0])
+
+    def _fire(self, levels: FloatArray, first_pixel: int) -> int:
+        tile = slice(first_pixel, first_pixel + levels.size)
+        return int(
+            self._compiled.fire_tile(
+                levels,
+                self._previous[tile],
+                self._origin[tile],
+                self._counts[tile],
+                self._step,
+                self._duration_ns,
+                first_pixel,
+                self._pixel_bits,
+                self._keys,
+                self._used,
+                self._mask,
+                self._invalid,
+            )
+        )
+
+    def finish(self) -> PixelEvents:
+        """Events of the interval; see `Comparator.finish`."""
+        if not self._packed:
+            return super().finish()
+        keys = self._keys[: self._used]
+        keys.sort()
+        events = PixelEvents(
+            t=np.empty(keys.size, np.int64),
+            pixel=np.empty(keys.size, np.int32),
+            polarity=np.empty(keys.size, np.int8),
+            sign=np.empty(keys.size, np.int8),
+        )
+        self._compiled.unpack_keys(
+            keys,
+            self._start_ns,
+            self._pixel_bits,
+            events.t,
+            events.pixel,
+            events.polarity,
+            events.sign,
+        )
+        return events
+
+
+def ideal_comparator(
+    backend: str, levels: FloatArray, origin: FloatArray, step: float
+) -> NumpyComparator:
+    """Comparator of ideal pixels whose level is linear in time.
+
+    Parameters
+    ----------
+    backend
+        `numba`, `numpy`, or `auto`: numba if it is installed and the array is large.
+    levels
+        Levels at the first sample, shape (r,).
+    origin
+        Levels of the first references, shape (r,).
+    step
+        Threshold as a change of the level, ``h ln b``.
+
+    Raises
+    ------
+    ParameterError
+        If `backend` is unknown or not installed.
+    """
+    if backend not in ('auto', 'numba', 'numpy'):
+        raise ParameterError('backend', backend, 'must be auto, numba or numpy')
+    installed = importlib.util.find_spec('numba') is not None
+    if backend == 'numba' and not installed:
+        raise ParameterError('backend', backend, 'needs the Python package numba')
+    if backend == 'numba' or (backend == 'auto' and installed and levels.size >= _WORTH_COMPILING):
+        return NumbaComparator(levels, origin, step)
+    return NumpyComparator(levels, origin, step)

@@ -1,0 +1,288 @@
+"""The event camera without ROS: luminosity frames in, event packets out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_event_camera.image_source import LuminosityFrame
+from dvs_event_camera.imperfections import Imperfections
+from dvs_event_camera.photoreceptor import (
+    LinLogPhotoreceptor,
+    LogPhotoreceptor,
+    Photoreceptor,
+    SignedLogPhotoreceptor,
+)
+from dvs_event_camera.pixel_array import PixelArray
+from dvs_event_camera.pixel_events import PixelEvents
+from dvs_interfaces.events import (
+    LABELLED_EVENT_DTYPE,
+    LONGEST_INTERVAL_NS,
+    EventPacket,
+    make_events,
+)
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.scenario import Scenario
+
+# Time that one packet covers, so that the INT32 nanoseconds before its stamp do not overflow.
+_PACKET_SPAN_NS = LONGEST_INTERVAL_NS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exposure:
+    """What the camera makes of one frame.
+
+    Parameters
+    ----------
+    packets
+        What to publish on `events`: one packet with the frame's stamp, empty or not; before it,
+        if the last frame is longer ago than INT32 nanoseconds reach, those with events in them.
+    events
+        The same events with absolute times.
+    started
+        Whether this frame started the sensor.
+    restart_reason
+        Why the sensor was started again; empty if it was not.
+    """
+
+    packets: tuple[EventPacket, ...]
+    events: PixelEvents
+    started: bool
+    restart_reason: str
+
+
+class EventCamera:
+    """Pixels that start with the first frame, and again when the source does.
+
+    Parameters
+    ----------
+    make_pixels
+        Makes the pixel array for a first frame, given as luminosities of shape (r,) and the
+        darkest luminosity that its encoding can tell.
+    """
+
+    def __init__(self, make_pixels: Callable[[FloatArray, float], PixelArray]) -> None:
+        self._make_pixels = make_pixels
+        self._pixels: PixelArray | None = None
+        self._shape: tuple[int, int] = (0, 0)
+        self._index = 0
+        self._invalid_before = 0
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario, *, backend: str = 'auto') -> EventCamera:
+        """Camera with the parameters of a scenario.
+
+        Parameters
+        ----------
+        scenario
+            All parameters.
+        backend
+            `auto`, `numba` or `numpy`.
+
+        Raises
+        ------
+        ParameterError
+            If parameters do not fit together.
+        """
+        camera = cls(lambda y, darkest: pixels_of_scenario(scenario, y, darkest, backend))
+        pixels_of_scenario(scenario, np.ones(1), 0.0, backend, bounds=False)
+        return camera
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the last frame."""
+        return self._shape
+
+    @property
+    def pixels(self) -> PixelArray | None:
+        """The pixel array; None before the first frame."""
+        return self._pixels
+
+    @property
+    def invalid_samples(self) -> int:
+        """Pixel samples without meaning since the camera was made."""
+        current = 0 if self._pixels is None else self._pixels.invalid_samples
+        return self._invalid_before + current
+
+    @property
+    def event_count(self) -> int:
+        """Running number of the next event."""
+        return self._index
+
+    def take(self, frame: LuminosityFrame) -> Exposure | None:
+        """Expose the pixels to a frame.
+
+        A frame with the stamp of the last one is that frame, sent again: nothing happens. A frame
+        that goes back in time or has another size starts the sensor again.
+
+        Parameters
+        ----------
+        frame
+            Luminosity and stamp.
+
+        Returns
+        -------
+        Exposure
+            Packets and events; None for a frame sent again.
+
+        Raises
+        ------
+        ParameterError
+            If the frame starts the sensor and violates (A1).
+        """
+        reason = self._restart_reason(frame)
+        if self._pixels is not None and not reason:
+            if frame.stamp_ns == self._pixels.stamp_ns:
+                return None
+            events = self._pixels.update(frame.stamp_ns, frame.pixels)
+            return self._exposure(frame.stamp_ns, events, started=False, reason='')
+        pixels = self._make_pixels(frame.pixels.reshape(-1).astype(np.float64), frame.darkest)
+        pixels.update(frame.stamp_ns, frame.pixels)
+        self._invalid_before = self.invalid_samples
+        self._pixels, self._shape = pixels, frame.pixels.shape
+        return self._exposure(frame.stamp_ns, PixelEvents.empty(), started=True, reason=reason)
+
+    def _restart_reason(self, frame: LuminosityFrame) -> str:
+        if self._pixels is None or self._pixels.stamp_ns is None:
+            return ''
+        if frame.pixels.shape != self._shape:
+            old, new = (' x '.join(map(str, shape)) for shape in (self._shape, frame.pixels.shape))
+            return f'the frames change from {old} to {new} pixels'
+        if frame.stamp_ns < self._pixels.stamp_ns:
+            return (
+                f'the stamps go back from {self._pixels.stamp_ns * 1e-9:.9f} s '
+                f'to {frame.stamp_ns * 1e-9:.9f} s'
+            )
+        return ''
+
+    def _exposure(
+        self, stamp_ns: int, events: PixelEvents, *, started: bool, reason: str
+    ) -> Exposure:
+        packets = []
+        begin = 0
+        if len(events) and stamp_ns - int(events.t[0]) > _PACKET_SPAN_NS:
+            begin = int(np.searchsorted(events.t, stamp_ns - _PACKET_SPAN_NS))
+            packets = self._earlier_packets(stamp_ns, events.take(slice(0, begin)))
+        last = events.take(slice(begin, None)) if begin else events
+        packets.append(self._packet(stamp_ns, last))
+        return Exposure(
+            packets=tuple(packets), events=events, started=started, restart_reason=reason
+        )
+
+    def _earlier_packets(self, stamp_ns: int, events: PixelEvents) -> list[EventPacket]:
+        """Packets of a span each, counted back from the frame; none without events."""
+        spans_before = (stamp_ns - events.t) // _PACKET_SPAN_NS
+        cuts = np.flatnonzero(np.diff(spans_before)) + 1
+        edges = [0, *cuts.tolist(), len(events)]
+        return [
+            self._packet(
+                stamp_ns - int(spans_before[low]) * _PACKET_SPAN_NS, events.take(slice(low, high))
+            )
+            for low, high in pairwise(edges)
+        ]
+
+    def _packet(self, stamp_ns: int, events: PixelEvents) -> EventPacket:
+        records = make_events(
+            times_ns=events.t,
+            pixels=events.pixel,
+            polarities=events.polarity,
+            signs=events.sign,
+            width=max(1, self._shape[1]),
+            stamp_ns=stamp_ns,
+            first_index=self._index,
+        )
+        if events.noise is not None:
+            records = labelled_records(records, events.noise)
+        self._index += len(events)
+        return EventPacket(stamp_ns=stamp_ns, events=records)
+
+
+def labelled_records(records: NDArray[np.void], noise: NDArray[np.int8]) -> NDArray[np.void]:
+    """Records of `LABELLED_EVENT_DTYPE` from unlabelled ones.
+
+    Parameters
+    ----------
+    records
+        Records of `EVENT_DTYPE`, shape (E,).
+    noise
+        1 for noise, 0 for signal, shape (E,).
+    """
+    octets = np.array(records.view(np.uint8).reshape(-1, LABELLED_EVENT_DTYPE.itemsize))
+    octets[:, LABELLED_EVENT_DTYPE.fields['noise'][1]] = noise  # type: ignore[index]
+    return octets.reshape(-1).view(LABELLED_EVENT_DTYPE)
+
+
+def photoreceptor_of_scenario(scenario: Scenario, darkest: float = 0.0) -> Photoreceptor:
+    """Photoreceptor with the parameters of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        All parameters.
+    darkest
+        Darkest luminosity that the images can tell: a floor of the logarithm.
+    """
+    if scenario['photoreceptor'] == 'signed_log':
+        return SignedLogPhotoreceptor(dead_band=scenario['dead_band'])
+    if scenario['photoreceptor'] == 'lin_log':
+        return LinLogPhotoreceptor(knee=scenario['lin_log_knee'])
+    return LogPhotoreceptor(log_floor=max(scenario['log_floor'], darkest))
+
+
+def imperfections_of_scenario(scenario: Scenario) -> Imperfections:
+    """Non-idealities with the parameters of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        All parameters.
+    """
+    return Imperfections(**{name: scenario[name] for name in Imperfections.__dataclass_fields__})
+
+
+def pixels_of_scenario(
+    scenario: Scenario,
+    luminosity: FloatArray,
+    darkest: float,
+    backend: str = 'auto',
+    *,
+    bounds: bool = True,
+) -> PixelArray:
+    """Pixel array with the parameters of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        All parameters.
+    luminosity
+        First sample, shape (r,).
+    darkest
+        Darkest luminosity that the images can tell.
+    backend
+        `auto`, `numba` or `numpy`.
+    bounds
+        Whether to work out the bounds of the references from the first sample.
+
+    Raises
+    ------
+    ParameterError
+        If parameters do not fit together or to the first sample.
+    """
+    receptor = photoreceptor_of_scenario(scenario, darkest)
+    return PixelArray(
+        event_threshold=scenario['event_threshold'],
+        log_base=scenario['log_base'],
+        photoreceptor=receptor,
+        bounds=scenario.reference_bounds(receptor.floored(luminosity)) if bounds else None,
+        reference_uncertainty=scenario['reference_uncertainty'],
+        initial_reference=scenario['initial_reference'],
+        seed=scenario['seed'],
+        interpolation=scenario['interpolation'],
+        imperfections=imperfections_of_scenario(scenario),
+        label_noise=scenario['label_noise'],
+        backend=backend,
+    )
