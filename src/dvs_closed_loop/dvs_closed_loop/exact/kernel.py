@@ -715,13 +715,16 @@ def run(
             tau = find_step(
                 shape, modal, dense, dense_bound, state, tally, rise_to, fall_to, touch, tau
             )
+            time, time_low = add_twofold(clock[TIME], clock[TIME_LOW], tau)
+            if tau == left:
+                time, time_low = end, 0.0
         else:
-            tau = math.inf
+            time, time_low, tau = math.inf, 0.0, 0.0
         while tally[SAMPLE] < sample_time.size:
             k = tally[SAMPLE]
-            after = (sample_time[k] - clock[TIME]) - clock[TIME_LOW]
-            if after >= tau:
+            if sample_time[k] >= time:
                 break
+            after = (sample_time[k] - clock[TIME]) - clock[TIME_LOW]
             advance(shape, modal, dense, dense_bound, state, max(after, 0.0), SPARE_ETA)
             for j in range(modal.shape[1]):
                 sample_eta[k, j] = state[SPARE_ETA, j]
@@ -729,11 +732,8 @@ def run(
             tally[SAMPLE] = k + 1
         if not left > 0.0:
             return DONE
-        if tau == left:
-            clock[TIME] = end
-            clock[TIME_LOW] = 0.0
-        else:
-            clock[TIME], clock[TIME_LOW] = add_twofold(clock[TIME], clock[TIME_LOW], tau)
+        clock[TIME] = time
+        clock[TIME_LOW] = time_low
         if clock[TIME] > tail_start:
             before = clock[ERROR]
             if before < 0.0:

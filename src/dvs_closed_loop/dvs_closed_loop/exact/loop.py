@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from dvs_event_camera.references import initial_references
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.sector import Sector, sector
 from dvs_interfaces.errors import ParameterError
@@ -18,6 +19,7 @@ from dvs_interfaces.model import (
     ReferenceBounds,
     finite_array,
 )
+from dvs_interfaces.scenario import Scenario
 
 Photoreceptor = Literal['log', 'signed_log']
 
@@ -83,6 +85,41 @@ class ClosedLoop:
         reference = finite_array('initial_reference', reference, ndim=1)
         object.__setattr__(self, 'initial_reference', reference)
         self._check_reference(y)
+
+    @classmethod
+    def from_scenario(cls, scenario: Scenario, controller: LinearController) -> ClosedLoop:
+        """Loop that a scenario describes, closed by `controller`.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters; `command_limit`, noise and sampling have no part in the automaton.
+        controller
+            K.
+
+        Raises
+        ------
+        ParameterError
+            If the parameters do not fit together.
+        """
+        model, scene = scenario.model, scenario.scene
+        luminosity = scene.luminosity(model, scenario.initial_state)
+        bounds = scenario.reference_bounds(luminosity)
+        return cls(
+            model=model,
+            equilibrium=scenario.equilibrium,
+            scene=scene,
+            controller=controller,
+            bounds=bounds,
+            initial_state=scenario.initial_state,
+            event_threshold=scenario['event_threshold'],
+            log_base=scenario['log_base'],
+            initial_reference=initial_references(
+                scenario['initial_reference'], bounds, luminosity, scenario['seed']
+            ),
+            photoreceptor=scenario['photoreceptor'],
+            dead_band=scenario['dead_band'],
+        )
 
     @property
     def pixel_count(self) -> int:
