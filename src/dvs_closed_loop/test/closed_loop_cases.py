@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import scipy.linalg
+
 from dvs_closed_loop.exact import ClosedLoop
 from dvs_hinf_controller.controller import LinearController
 from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
@@ -75,7 +76,10 @@ def stiff_controller(model: PlantModel, pole: float = -1e6) -> LinearController:
     k = base.order
     return LinearController(
         state_matrix=np.block(
-            [[base.state_matrix, np.zeros((k, 1))], [-pole * base.output_matrix, np.array([[pole]])]]
+            [
+                [base.state_matrix, np.zeros((k, 1))],
+                [-pole * base.output_matrix, np.array([[pole]])],
+            ]
         ),
         input_vector=np.append(base.input_vector, 0.0),
         output_matrix=np.array([[0.0] * k + [1.0]]),

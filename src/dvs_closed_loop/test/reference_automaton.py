@@ -7,6 +7,7 @@ luminosity instead of the scalar s, references as running products.
 from __future__ import annotations
 
 import mpmath as mp
+
 from dvs_closed_loop.exact import ClosedLoop
 
 _HALVINGS = 70
@@ -19,8 +20,9 @@ class ReferenceAutomaton:
         mp.mp.dps = digits
         n, k = loop.model.state_count, loop.controller.order
         c = loop.controller
-        a, b = mp.matrix(loop.model.state_matrix.tolist()), mp.matrix(
-            loop.model.input_matrix.tolist()
+        a, b = (
+            mp.matrix(loop.model.state_matrix.tolist()),
+            mp.matrix(loop.model.input_matrix.tolist()),
         )
         self.n, self.size = n, n + k
         f = mp.zeros(self.size + 1)
@@ -43,9 +45,7 @@ class ReferenceAutomaton:
         self.state = mp.zeros(self.size + 1, 1)
         for i in range(n):
             self.state[i] = mp.mpf(float(loop.initial_state[i])) - self.xd[i]
-        self.target = sum(
-            mp.fdot(self.c, self.xd) + offset for offset in self.offset
-        )
+        self.target = sum(mp.fdot(self.c, self.xd) + offset for offset in self.offset)
         self.set_drive()
         self.cache: dict[object, mp.matrix] = {}
 

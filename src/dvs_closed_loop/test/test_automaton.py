@@ -1,6 +1,13 @@
 import numpy as np
 import pytest
-from closed_loop_cases import OFFSETS, mirror_loop, paper_plant, single_pixel_loop, stiff_controller
+from closed_loop_cases import (
+    OFFSETS,
+    mirror_loop,
+    paper_plant,
+    single_pixel_loop,
+    stiff_controller,
+)
+
 from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.exact.signals import counts_at, estimates_at, luminosities, sector_ratios
 from dvs_interfaces.errors import ParameterError
@@ -95,7 +102,9 @@ def wave(amplitude, *, threshold):
     )
 
 
-@pytest.mark.parametrize(('excess', 'fires'), [(1e-13, True), (1e-6, True), (-1e-6, False), (-1e-13, False)])
+@pytest.mark.parametrize(
+    ('excess', 'fires'), [(1e-13, True), (1e-6, True), (-1e-6, False), (-1e-13, False)]
+)
 def test_grazing_crossings_are_neither_missed_nor_invented(excess, fires):
     threshold = float(np.log1p(0.25))
     run = simulate(wave(0.5 + excess, threshold=threshold), duration=3.0)
@@ -251,7 +260,9 @@ def test_bad_arguments_are_named(arguments, name):
 def changed(loop, **changes):
     from dataclasses import fields
 
-    return ClosedLoop(**{field.name: getattr(loop, field.name) for field in fields(loop)} | changes)
+    return ClosedLoop(
+        **{field.name: getattr(loop, field.name) for field in fields(loop)} | changes
+    )
 
 
 @pytest.mark.parametrize(

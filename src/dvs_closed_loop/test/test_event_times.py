@@ -1,9 +1,10 @@
 """Event times against an independent reference in forty digits."""
 
 import numpy as np
-from dvs_closed_loop.exact import automaton, modes, simulate
 from closed_loop_cases import mirror_loop, paper_plant, stiff_controller
 from reference_automaton import ReferenceAutomaton
+
+from dvs_closed_loop.exact import automaton, modes, simulate
 
 PRECISION_S = 1e-9
 

@@ -2,14 +2,17 @@
 
 import numpy as np
 from closed_loop_cases import lqg
-from dvs_closed_loop.exact import ClosedLoop, simulate
-from dvs_closed_loop.exact.signals import counts_at, luminosities, sector_ratios
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from dvs_closed_loop.exact import ClosedLoop, simulate
+from dvs_closed_loop.exact.signals import counts_at, luminosities, sector_ratios
+from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
 
-def random_loop(seed: int, states: int, pixels: int, threshold: float, spread: float) -> ClosedLoop:
+
+def random_loop(
+    seed: int, states: int, pixels: int, threshold: float, spread: float
+) -> ClosedLoop:
     """Random plant with LQG, random pixels and references; the set-point is bright enough."""
     rng = np.random.default_rng(seed)
     model = PlantModel(
@@ -55,9 +58,7 @@ def test_sector_bound_holds_at_every_event_and_in_between(loop):
     end = first.outcome.time
     just_before = np.maximum(first.event_time - 1e-11, 0)
     between = 0.5 * (first.event_time[1:] + first.event_time[:-1])
-    instants = np.concatenate(
-        [np.linspace(0, end, 300), first.event_time, just_before, between]
-    )
+    instants = np.concatenate([np.linspace(0, end, 300), first.event_time, just_before, between])
     instants = np.sort(instants[instants < end])
     run = simulate(loop, duration=3.0, max_events=3000, sample_times=instants)
     ratios = sector_ratios(loop, run)

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from dvs_closed_loop.exact.modes import modal_form
-from dvs_interfaces.errors import ParameterError
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from dvs_closed_loop.exact.modes import modal_form
+from dvs_interfaces.errors import ParameterError
 
 
 def block_matrix(form):

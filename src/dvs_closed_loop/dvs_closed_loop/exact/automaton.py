@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray, finite_array
 from numpy.typing import ArrayLike
 
 from dvs_closed_loop.exact import layout
@@ -14,6 +12,8 @@ from dvs_closed_loop.exact.compilation import load_kernel, numba_available
 from dvs_closed_loop.exact.loop import ClosedLoop
 from dvs_closed_loop.exact.modes import ModalForm, modal_form
 from dvs_closed_loop.exact.trajectory import Outcome, Status, Tail, Trajectory
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.model import FloatArray, finite_array
 
 DEFAULT_EVENT_RATE = 1e6
 DEFAULT_MAX_EVENTS = 50_000_000
@@ -82,9 +82,7 @@ def simulate(
     state[layout.ETA] = form.to_modal(np.concatenate([deviation, _rest(loop)]))
     clock = _clock(loop, pixels, duration)
     tally = np.zeros(layout.TALLY_SIZE, dtype=np.int64)
-    samples = layout.Samples(
-        times, np.zeros((times.size, len(form.basis))), np.zeros(times.size)
-    )
+    samples = layout.Samples(times, np.zeros((times.size, len(form.basis))), np.zeros(times.size))
     size = _BUFFER if record_events else 1 << 10
     events = layout.Events(np.empty(size), np.empty((size, 3), dtype=np.int32))
     chunks: list[tuple[np.ndarray, ...]] = []
@@ -161,7 +159,9 @@ def _modes(
     """Modal system, and the constants with its largest growth rate."""
     model, controller, held = loop.model, loop.controller, loop.equilibrium
     p, q, n = form.real_poles.size, form.pair_decay.size, model.state_count
-    forcing = np.concatenate([model.input_matrix @ controller.feedthrough, controller.input_vector])
+    forcing = np.concatenate(
+        [model.input_matrix @ controller.feedthrough, controller.input_vector]
+    )
     residual = model.state_matrix @ held.state + model.input_matrix @ held.feedforward
     error_basis = np.ascontiguousarray(form.basis[:n])
     modal = np.zeros((layout.MODAL_ROWS, len(form.basis)))
@@ -218,9 +218,7 @@ def _pixels(loop: ClosedLoop) -> layout.Pixels:
     return layout.Pixels(pixel, pixel_state, np.exp(np.arange(-half, half + 1) * step))
 
 
-def _heaps(
-    pixels: layout.Pixels, constants: layout.Constants
-) -> tuple[layout.Heap, layout.Heap]:
+def _heaps(pixels: layout.Pixels, constants: layout.Constants) -> tuple[layout.Heap, layout.Heap]:
     """Next thresholds above, and the negatives of those below."""
     reference, offset = pixels.pixel[:, layout.REFERENCE], pixels.pixel[:, layout.OFFSET]
     positive = pixels.pixel_state[:, layout.SIGN] > 0
@@ -329,8 +327,8 @@ def _outcome(
         layout.DONE: f'reached {time:g} s with {events} events',
         layout.FULL: f'stopped at {time:.9g} s after {events} events: raise max_events to go on',
         layout.ZENO: f'stopped at {time:.9g} s: pixel {pixel} fired {layout.WINDOW} times faster '
-        f'than max_event_rate = {constants.event_rate:g} events/s. Its luminosity tends to 0, where a '
-        'logarithmic pixel fires without end, or event_threshold is too small',
+        f'than max_event_rate = {constants.event_rate:g} events/s. Its luminosity tends to 0, where '
+        'a logarithmic pixel fires without end, or event_threshold is too small',
         layout.DIVERGED: f'stopped at {time:.9g} s: the luminosity left all bounds; the loop is '
         'unstable at this event_threshold',
     }

@@ -39,13 +39,12 @@ def jit(function: _Function) -> _Function:
     """
     if _interpret:
         return function
-    import numba
-
+    numba: Any = importlib.import_module('numba')
     try:
-        compiled = numba.njit(cache=True)(function)
+        compiled: _Function = numba.njit(cache=True)(function)
     except RuntimeError:  # no writable place for the cache, as in a read-only installation
         compiled = numba.njit(function)
-    return compiled  # type: ignore[no-any-return]
+    return compiled
 
 
 @cache

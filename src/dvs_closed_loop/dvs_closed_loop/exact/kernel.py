@@ -118,7 +118,7 @@ def power_of(power: np.ndarray, log_step: float, exponent: int) -> float:
     """``b^(exponent h)``, from the table where it reaches."""
     half = power.size >> 1
     if -half <= exponent <= half:
-        return power[exponent + half]
+        return float(power[exponent + half])
     return math.exp(exponent * log_step)
 
 
@@ -201,7 +201,7 @@ def too_fast(
     if pixel_state[i, WINDOW_COUNT] < WINDOW:
         return False
     pixel_state[i, WINDOW_COUNT] = 0
-    return (time - pixel[i, WINDOW_START]) * event_rate < WINDOW - 1
+    return bool((time - pixel[i, WINDOW_START]) * event_rate < WINDOW - 1)
 
 
 @jit
@@ -665,7 +665,9 @@ def run(
     lower_key, lower_pixel, lower_place = lower
     sample_time, sample_eta, sample_drive = samples
     event_time, event_code = events
-    offset, growth, log_step, dead_band, end, tail_start, tail_step, event_rate, divergence = constants
+    offset, growth, log_step, dead_band, end, tail_start, tail_step, event_rate, divergence = (
+        constants
+    )
     while True:
         s, touch = position(modal, state, offset)
         if not abs(s - offset) <= divergence:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+
 from dvs_interfaces.model import FloatArray
 
 IntArray = np.ndarray

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+
 from dvs_event_camera.references import initial_references
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.sector import Sector, sector
@@ -166,7 +167,9 @@ class ClosedLoop:
             )
         if self.controller.input_count != m:
             raise ParameterError(
-                'controller', self.controller.input_count, f'must drive the {m} inputs of the plant'
+                'controller',
+                self.controller.input_count,
+                f'must drive the {m} inputs of the plant',
             )
         if self.bounds.lower.size != r:
             raise ParameterError(
@@ -175,7 +178,9 @@ class ClosedLoop:
 
     def _check_photoreceptor(self) -> None:
         if self.photoreceptor not in ('log', 'signed_log'):
-            raise ParameterError('photoreceptor', self.photoreceptor, "must be 'log' or 'signed_log'")
+            raise ParameterError(
+                'photoreceptor', self.photoreceptor, "must be 'log' or 'signed_log'"
+            )
         if self.photoreceptor == 'signed_log' and not 0 < self.dead_band < math.inf:
             raise ParameterError(
                 'dead_band', self.dead_band, 'must be > 0 with a signed_log photoreceptor'

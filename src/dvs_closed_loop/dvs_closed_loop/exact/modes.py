@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import scipy.linalg
+
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray
 
@@ -197,8 +199,8 @@ def _correction(m: np.ndarray, edges: np.ndarray) -> FloatArray:
     coupling = m.astype(np.float64)
     usable = np.outer(single, single) & (np.abs(gap) > np.abs(coupling))
     result = np.divide(-coupling, gap, out=np.zeros_like(gap), where=usable)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
-        for c, d in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
+        for c, d in pairwise(edges):
             if a != c and (b - a > 1 or d - c > 1):
                 result[a:b, c:d] = _small_splitter(m[a:b, a:b], m[c:d, c:d], m[a:b, c:d])
     return result
@@ -217,7 +219,7 @@ def _small_splitter(first: np.ndarray, second: np.ndarray, coupling: np.ndarray)
 
 
 def _normalized(v: np.ndarray) -> np.ndarray:
-    return v / np.sqrt(np.sum(v * v, axis=0))
+    return np.asarray(v / np.sqrt(np.sum(v * v, axis=0)))
 
 
 def _inverse(v: np.ndarray) -> np.ndarray:
@@ -235,7 +237,7 @@ def _canonical_pairs(v: np.ndarray, f: np.ndarray, edges: np.ndarray) -> np.ndar
         return v
     m = _inverse(v) @ f @ v
     v = v.copy()
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         if b - a == 2 and (frequency := _frequency(m[a:b, a:b])) > 0:
             corner = m[a:b, a:b]
             # Real and imaginary part of the eigenvector (m12, lambda - m11).
@@ -267,7 +269,9 @@ def _classify(v: np.ndarray, w: np.ndarray, m: np.ndarray, sizes: list[int]) -> 
             pairs.append(a)
         else:
             dense.append((a, a + size))
-    order = real + [k for a in pairs for k in (a, a + 1)] + [k for a, b in dense for k in range(a, b)]
+    order = (
+        real + [k for a in pairs for k in (a, a + 1)] + [k for a, b in dense for k in range(a, b)]
+    )
     return ModalForm(
         real_poles=np.array([float(m[a, a]) for a in real]),
         pair_decay=np.array([float((m[a, a] + m[a + 1, a + 1]) / 2) for a in pairs]),

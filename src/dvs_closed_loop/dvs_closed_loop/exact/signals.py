@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from dvs_interfaces.model import FloatArray
 
 from dvs_closed_loop.exact.loop import ClosedLoop
 from dvs_closed_loop.exact.trajectory import Trajectory
+from dvs_interfaces.model import FloatArray
 
 
 def counts_at(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
 from dvs_interfaces.model import FloatArray
 
 Status = Literal['completed', 'zeno', 'diverged', 'max_events']
