@@ -12,9 +12,10 @@ from pathlib import Path
 
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from dvs_interfaces import topics
 from rclpy.experimental import EventsExecutor
 from sensor_msgs.msg import JointState, PointCloud2
+
+from dvs_interfaces import topics
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / 'config'
@@ -62,7 +63,7 @@ def start(executable: str, domain: int, arguments: list[str] | None = None) -> s
 
 
 def stop(process: subprocess.Popen, number: int = signal.SIGINT) -> tuple[int, str]:
-    """Send a signal; return exit code and output. A process that does not listen fails the test."""
+    """Send a signal; return exit code and output; fail if the process does not listen."""
     if process.poll() is None:
         process.send_signal(number)
     try:

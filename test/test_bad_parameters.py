@@ -48,7 +48,9 @@ def test_bad_parameter_is_refused(executable, parameters, message, domain, proce
     assert process.returncode not in (0, None), output
     assert message in output
     assert 'Traceback' not in output
-    lines = [line for line in output.splitlines() if 'Failed to parse global arguments' not in line]
+    lines = [
+        line for line in output.splitlines() if 'Failed to parse global arguments' not in line
+    ]
     assert len([line for line in lines if line.strip()]) == 1, output
 
 

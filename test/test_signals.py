@@ -50,7 +50,9 @@ def test_a_second_signal_changes_nothing(executable, domain, processes):
 
 
 def children(pid):
-    found = subprocess.run(['ps', '-o', 'pid=', '--ppid', str(pid)], capture_output=True, text=True)
+    found = subprocess.run(
+        ['ps', '-o', 'pid=', '--ppid', str(pid)], capture_output=True, text=True
+    )
     return [int(line) for line in found.stdout.split()]
 
 

@@ -15,7 +15,7 @@ setup(
     zip_safe=False,
     maintainer='DVS regulation developers',
     maintainer_email='maintainers@example.org',
-    description='Wire contract of the suite: parameter schema, message codecs, QoS, model types and the managed-node base.',
+    description='Wire contract of the suite: model, parameters, codecs, QoS and the base of every node.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [],

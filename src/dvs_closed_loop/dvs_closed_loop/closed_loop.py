@@ -11,12 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import rclpy
-from dvs_hinf_controller.design import design_from_scenario
-from dvs_interfaces import topics
-from dvs_interfaces.errors import SuiteError
-from dvs_interfaces.messages import parse_command
-from dvs_interfaces.scenario import Scenario, load_scenario
-from dvs_interfaces.spin import StopSignal
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.experimental import EventsExecutor
@@ -30,6 +24,12 @@ from dvs_closed_loop.recording import BagWriter
 from dvs_closed_loop.run_recorder import MESSAGE_TYPES, RunRecorder, type_name
 from dvs_closed_loop.trace import IncompleteTraceError, Trace, decode_trace
 from dvs_closed_loop.verdict import Verdict, judge
+from dvs_hinf_controller.design import design_from_scenario
+from dvs_interfaces import topics
+from dvs_interfaces.errors import SuiteError
+from dvs_interfaces.messages import parse_command
+from dvs_interfaces.scenario import Scenario, load_scenario
+from dvs_interfaces.spin import StopSignal
 
 _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
@@ -288,12 +288,12 @@ def run_scenario(
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='closed_loop',
-        description='Run a scenario as three ROS 2 nodes, record it and judge it. The exit code is '
+        description='Run a scenario as three ROS 2 nodes, record and judge it. The exit code is '
         '0 if the run regulated and the sector bound held (or was ended by Ctrl-C).',
     )
     parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
     parser.add_argument('--output', type=Path, default=Path('out'), help='folder of the results')
-    parser.add_argument('--duration', type=float, help='simulated seconds, instead of the file\'s')
+    parser.add_argument('--duration', type=float, help="simulated seconds, instead of the file's")
     parser.add_argument('--composed', action='store_true', help='three nodes in one process')
     return parser
 

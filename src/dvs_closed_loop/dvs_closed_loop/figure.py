@@ -6,12 +6,13 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from dvs_interfaces.scenario import Scenario
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dvs_closed_loop.trace import Trace
 from dvs_closed_loop.verdict import Verdict
+from dvs_interfaces.scenario import Scenario
 
 # Okabe and Ito's palette: told apart by every kind of colour vision.
 BLUE, VERMILION, GREEN, GREY = '#0072B2', '#D55E00', '#009E73', '#7f7f7f'
@@ -87,7 +88,7 @@ def _draw_events(axes: Axes, trace: Trace) -> None:
     axes.set_xlim(trace.times_s[0], trace.times_s[-1])
     pixel_count = trace.luminosities.shape[1]
     axes.set_ylim(-0.6, pixel_count - 0.4)
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(loc='upper right', frameon=True, framealpha=0.8)
 
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
 from dvs_interfaces.errors import ParameterError
 
 _GRACE_S = 5.0

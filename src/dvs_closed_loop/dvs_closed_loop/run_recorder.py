@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from dvs_interfaces import topics
-from dvs_interfaces.events import parse_events
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -14,6 +12,8 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Float64MultiArray
 
 from dvs_closed_loop.recording import BagWriter
+from dvs_interfaces import topics
+from dvs_interfaces.events import parse_events
 
 MESSAGE_TYPES: dict[str, type] = {
     topics.LUMINOSITY: Image,

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from dvs_interfaces import topics
 from dvs_interfaces.events import EVENT_DTYPE, parse_events
 from dvs_interfaces.messages import (
@@ -16,7 +18,6 @@ from dvs_interfaces.messages import (
     parse_state,
 )
 from dvs_interfaces.model import FloatArray
-from numpy.typing import NDArray
 
 Messages = Mapping[str, Sequence[bytes]]
 
@@ -57,7 +58,9 @@ class Trace:
     @property
     def event_pixels(self) -> NDArray[np.intp]:
         """Row-major pixel number of every event, shape (E,)."""
-        return self.events['y'].astype(np.intp) * self.width + self.events['x']
+        return np.asarray(
+            self.events['y'].astype(np.intp) * self.width + self.events['x'], dtype=np.intp
+        )
 
 
 class IncompleteTraceError(ValueError):
@@ -98,12 +101,16 @@ def decode_trace(messages: Messages) -> Trace:
     kept = [packets[stamp] for stamp in stamps]
     event_times_ns = [p.stamp_ns - start_ns + p.events['t'].astype(np.int64) for p in kept]
     return Trace(
-        times_s=(np.array(stamps, dtype=np.int64) - start_ns) * 1e-9,
+        times_s=_seconds(np.array(stamps, dtype=np.int64) - start_ns),
         states=np.array([states[stamp] for stamp in stamps]),
         luminosities=np.array([luminosity_image(frames[stamp]) for stamp in stamps]),
         estimates=np.array(estimates),
         commands=np.array([command.values for command in commands]),
         events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
-        event_times_s=np.concatenate(event_times_ns) * 1e-9,
+        event_times_s=_seconds(np.concatenate(event_times_ns)),
         width=frames[start_ns].width,
     )
+
+
+def _seconds(nanoseconds: NDArray[np.int64]) -> FloatArray:
+    return np.asarray(nanoseconds * 1e-9, dtype=np.float64)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+from dvs_closed_loop.trace import Trace
 from dvs_hinf_controller.sector import sector
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
-
-from dvs_closed_loop.trace import Trace
 
 # Rounding of log, exp and the thresholds; the sector bound itself leaves no room.
 SECTOR_ROUNDING = 1e-9
@@ -184,7 +184,8 @@ def sector_ratios(trace: Trace, scenario: Scenario) -> FloatArray:
         log_base=scenario['log_base'],
     ).error_bound
     y = trace.luminosities
-    ratios = np.abs(trace.estimates - y) / (bound * np.abs(y))
+    ratios: FloatArray = np.abs(trace.estimates - y) / (bound * np.abs(y))
     if scenario['photoreceptor'] == 'signed_log':
-        return ratios[np.abs(y) >= scenario['dead_band']]
+        outside = np.abs(y) >= float(scenario['dead_band'])
+        return np.asarray(ratios[outside])
     return ratios.ravel()

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.events import INDEX_MODULUS, EventPacket
-from dvs_interfaces.model import FloatArray
 
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.held_input import HeldInputResponse
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sector import sector
+from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.events import INDEX_MODULUS, EventPacket
+from dvs_interfaces.model import FloatArray
 
 _NANOSECOND_S = 1e-9
 
@@ -35,10 +35,10 @@ class PacketReport:
 
 
 class EventController:
-    """Zero-order-hold estimator (paper, eqs. 8, 9) and K, fed by event packets.
+    """Zero-order-hold estimator (paper, eqs. 8, 9) and K, fed by packets.
 
-    Between events the estimate is constant, so K has a closed form; all events of a packet enter in
-    one vectorised step, each at its own stamp. The command is that of the continuous-time
+    Between events the estimate is constant, so K has a closed form; all events of a packet enter
+    in one vectorised step, each at its own stamp. The command is that of the continuous-time
     controller at the packet's stamp.
 
     Parameters
@@ -144,7 +144,7 @@ class EventController:
                 f'{self._width} x {self._height} pixels'
             )
         if int(events['t'].max()) > 0 or np.any(np.diff(events['t']) < 0):
-            raise MessageError('event times must not decrease nor exceed the packet\'s stamp')
+            raise MessageError("event times must not decrease nor exceed the packet's stamp")
         if np.any(np.abs(events['polarity']) != 1) or np.any(np.abs(events['sign']) != 1):
             raise MessageError('polarity and sign must be +1 or -1')
 
@@ -186,6 +186,6 @@ class EventController:
         is_last[:-1] = is_first[1:]
         self.counts[pixel[is_last]] = counts[is_last]
         self.estimate[pixel[is_last]] = after[is_last]
-        jumps = np.empty_like(after)
+        jumps: FloatArray = np.empty_like(after)
         jumps[order] = (after - before) / self.estimate.size
         return jumps

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from dvs_interfaces.model import FloatArray
 from scipy.linalg import expm
+
+from dvs_interfaces.model import FloatArray
 
 # Eigenvectors worse conditioned than this would cost more than six of sixteen digits.
 _WORST_CONDITION = 1e6
@@ -15,7 +16,8 @@ class HeldInputResponse:
 
     In modal coordinates both are elementwise, so many instants cost one vectorised call and stiff
     poles cost nothing. Where the eigenvectors are ill-conditioned (a defective A), one matrix
-    exponential of ``[[A, b], [0, 0]]`` an instant takes their place (Van Loan, IEEE TAC 23(3), 1978).
+    exponential of ``[[A, b], [0, 0]]`` an instant takes their place (Van Loan, IEEE Transactions
+    on Automatic Control 23(3), 1978).
 
     Parameters
     ----------

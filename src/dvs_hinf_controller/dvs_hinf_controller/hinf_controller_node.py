@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import Float64MultiArray
+
+from dvs_hinf_controller.design import design_from_scenario
+from dvs_hinf_controller.event_controller import EventController
+from dvs_hinf_controller.start_up import start_up_report
 from dvs_interfaces import topics
 from dvs_interfaces.events import parse_events
 from dvs_interfaces.managed_node import ManagedNode
@@ -9,12 +15,6 @@ from dvs_interfaces.messages import Vector, pack_array, pack_command
 from dvs_interfaces.parameters import CONTROLLER
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.spin import run_nodes
-from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import Float64MultiArray
-
-from dvs_hinf_controller.design import design_from_scenario
-from dvs_hinf_controller.event_controller import EventController
-from dvs_hinf_controller.start_up import start_up_report
 
 
 class HinfControllerNode(ManagedNode):
@@ -31,7 +31,9 @@ class HinfControllerNode(ManagedNode):
         self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
         qos = topics.handshake_qos(scenario['mode'])
         self._command_publisher = self.advertise(JointState, topics.COMMAND, qos)
-        self._estimate_publisher = self.advertise(Float64MultiArray, topics.ESTIMATE, topics.stream_qos())
+        self._estimate_publisher = self.advertise(
+            Float64MultiArray, topics.ESTIMATE, topics.stream_qos()
+        )
         self.listen(PointCloud2, topics.EVENTS, self._take, qos)
         report = start_up_report(
             self._design,

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
 
@@ -43,13 +44,14 @@ class Sector:
     initial_reference
         ``qhat_i(0) = 2 m M / (M + m)``, shape (r,) (Lemma 1).
     initial_error
-        ``delta_q = (M - m) / (M + m)``, shape (r,): relative error of `initial_reference` (Lemma 1).
+        ``delta_q = (M - m) / (M + m)``, shape (r,): bound on its relative error (Lemma 1).
     amplification
         ``lambda_i = (M + m) rho / (M + m rho^2)``, shape (r,) (Lemma 4).
     initial_estimate
         ``lambdabar_i = lambda_i qhat_i(0) = 2 m M rho / (M + m rho^2)``, shape (r,) (Theorem 3).
     error_bound
-        ``delta_z = (M - m rho^2) / (M + m rho^2)``, shape (r,): ``|z - y| <= delta_z |y|`` (Lemma 4).
+        ``delta_z = (M - m rho^2) / (M + m rho^2)``, shape (r,), of ``|z - y| <= delta_z |y|``
+        (Lemma 4).
     """
 
     spacing: float

@@ -41,9 +41,7 @@ def start_up_report(
         Period of commands, s.
     """
     figures, problem = design.figures, design.problem
-    constants = sector(
-        problem.bounds, event_threshold=event_threshold, log_base=problem.log_base
-    )
+    constants = sector(problem.bounds, event_threshold=event_threshold, log_base=problem.log_base)
     rows = (
         ('pixels r', f'{problem.scene.pixel_count}'),
         ('event threshold h', f'{event_threshold:.6g}'),
@@ -69,7 +67,7 @@ def start_up_report(
         )
     if sampling_period > figures.max_sampling_period:
         warnings.append(
-            f'sampling_period = {sampling_period:g} s exceeds {figures.max_sampling_period:.3g} s, '
-            'the longest at which the sampled loop is stable with margin; see bandwidth_limit'
+            f'sampling_period = {sampling_period:g} s exceeds {figures.max_sampling_period:.3g} '
+            's, the longest at which the sampled loop is stable with margin; see bandwidth_limit'
         )
     return StartUpReport(text='\n'.join(lines), warnings=tuple(warnings))

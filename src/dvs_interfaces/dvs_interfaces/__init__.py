@@ -1,1 +1,1 @@
-"""Wire contract of the suite: parameter schema, message codecs, QoS, model types and the managed-node base."""
+"""Wire contract of the suite: model, parameters, codecs, QoS and the base of every node."""

@@ -44,8 +44,8 @@ _ROS_PREFIXES = ('qos_overrides.',)
 class ManagedNode(LifecycleNode):
     """Lifecycle node whose parameters are those of the suite's schema.
 
-    A subclass implements `configure` and may implement `activate` and `deactivate`. What it creates
-    with `advertise`, `listen` and `every` is destroyed on cleanup.
+    A subclass implements `configure` and may implement `activate` and `deactivate`. What it
+    creates with `advertise`, `listen` and `every` is destroyed on cleanup.
 
     Parameters
     ----------

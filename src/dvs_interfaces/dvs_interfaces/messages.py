@@ -84,7 +84,7 @@ def pack_image(stamp_ns: int, pixels: NDArray[np.generic], encoding: str) -> byt
     writer.text(encoding)
     writer.u8(0)
     writer.u32(pixels.nbytes // height)
-    writer.octets(memoryview(pixels).cast('B'))
+    writer.octets(pixels.data.cast('B'))
     return writer.finish()
 
 

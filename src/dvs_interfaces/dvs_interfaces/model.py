@@ -16,7 +16,7 @@ from dvs_interfaces.errors import ParameterError
 
 FloatArray = NDArray[np.float64]
 
-# Relative tolerance for ranks and Hautus tests: loose enough for coefficients printed to four digits.
+# Relative tolerance of ranks and Hautus tests.
 _RANK_TOLERANCE = 1e-9
 
 

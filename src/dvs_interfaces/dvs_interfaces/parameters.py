@@ -43,14 +43,14 @@ _MODEL = (
         kind=Kind.FLOATS,
         default=(0.894427190999916, 0.447213595499958),
         nodes=_LOOP,
-        description='Output vector c, n entries: gradient of the brightness profile (paper, eq. 1)',
+        description='Output vector c, n entries: gradient of the brightness (paper, eq. 1)',
     ),
     ParameterSpec(
         name='pixel_offsets',
         kind=Kind.FLOATS,
         default=(0.0, 0.0, 0.01, 0.0, -0.01, 0.0),
         nodes=_LOOP,
-        description='Pixel displacements dx, r x n, row-major over the pixel array (paper, eq. 1); '
+        description='Pixel displacements dx, r x n, row-major over the array (paper, eq. 1); '
         'unused where there is a pixel_pitch',
     ),
     ParameterSpec(
@@ -58,7 +58,7 @@ _MODEL = (
         kind=Kind.FLOATS,
         default=(),
         nodes=_LOOP,
-        description='Displacement from one column to the next and from one row to the next, 2 x n, '
+        description='Displacement from a column to the next and from a row to the next, 2 x n, '
         'row-major: a regular grid in place of pixel_offsets',
     ),
     ParameterSpec(
@@ -175,7 +175,7 @@ _SENSOR = (
         nodes=_ALL,
         choices=('log', 'lin_log', 'signed_log'),
         description='Pixel law: log of a positive luminosity, linear below a knee and log above '
-        'it, or the signed log of the paper\'s example (no real sensor)',
+        "it, or the signed log of the paper's example (no real sensor)",
     ),
     ParameterSpec(
         name='dead_band',
@@ -288,7 +288,7 @@ _DISTURBANCE = (
         default='hold',
         nodes=_PLANT,
         choices=('hold', 'equilibrium', 'stop'),
-        description='Realtime answer to a stale command: hold it, apply -B^+ A x_d, or end the run',
+        description='Realtime answer to a stale command: hold it, apply -B^+ A x_d or end the run',
     ),
 )
 
@@ -372,8 +372,8 @@ _CAMERA_EXTRAS = (
         default='linear_log',
         nodes=_CAMERA,
         choices=('linear_log', 'hermite'),
-        description='Course of the level between two samples, which dates the events: linear, or a '
-        'monotone cubic through the last four samples',
+        description='Course of the level between two samples, which dates the events: linear, or '
+        'a monotone cubic through the last four samples',
     ),
     ParameterSpec(
         name='threshold_mismatch',
@@ -419,7 +419,7 @@ _CAMERA_EXTRAS = (
         unit='Hz',
         nodes=_CAMERA,
         interval=NON_NEGATIVE,
-        description='Corner of the photoreceptor\'s first-order low-pass; 0: none',
+        description="Corner of the photoreceptor's first-order low-pass; 0: none",
     ),
     ParameterSpec(
         name='cutoff_luminosity',

@@ -169,12 +169,14 @@ class Scenario:
     @property
     def sampling_period_ns(self) -> int:
         """Sampling period in nanoseconds."""
-        return round(self['sampling_period'] * NANOSECONDS)
+        period_s: float = self['sampling_period']
+        return round(period_s * NANOSECONDS)
 
     @property
     def sample_count(self) -> int:
         """Number of the last sample, ``duration / sampling_period``; 0 means no end."""
-        return round(self['duration'] * NANOSECONDS / self.sampling_period_ns)
+        duration_s: float = self['duration']
+        return round(duration_s * NANOSECONDS / self.sampling_period_ns)
 
     @property
     def command_limit(self) -> FloatArray:

@@ -141,7 +141,8 @@ class ParameterSpec:
             if not isinstance(value, bool):
                 raise ParameterError(self.name, value, self.rule)
             return value
-        return self._validate_number(value, whole=self.kind is Kind.INT)
+        number: int | float = self._validate_number(value, whole=self.kind is Kind.INT)
+        return number
 
     def _validate_array(self, value: Any) -> Value:
         if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):

@@ -109,7 +109,5 @@ def _spin(nodes: Sequence[ManagedNode], stop: StopSignal) -> int:
 
 
 def _start(node: ManagedNode) -> bool:
-    return (
-        node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        and node.trigger_activate() == TransitionCallbackReturn.SUCCESS
-    )
+    success = TransitionCallbackReturn.SUCCESS
+    return bool(node.trigger_configure() == success and node.trigger_activate() == success)

@@ -49,8 +49,8 @@ def latched_qos(depth: int = _DEPTH) -> QoSProfile:
 def handshake_qos(mode: str) -> QoSProfile:
     """QoS of ``events`` and ``command``, the two messages that a lockstep partner waits for.
 
-    In lockstep they are latched: the one token in flight is not lost if its reader is matched late,
-    so that start order does not matter. In realtime they are volatile, which every driver offers.
+    In lockstep they are latched: the one token in flight is not lost if its reader comes late, so
+    that start order does not matter. In realtime they are volatile, which every driver offers.
 
     Parameters
     ----------

@@ -154,7 +154,8 @@ class PlantNode(ManagedNode):
         elif self._nonphysical_samples == 1:
             self.get_logger().error(reason)
         if policy == 'clamp':
-            return np.maximum(luminosity, self._scenario['dead_band'])
+            floor: float = self._scenario['dead_band']
+            return np.maximum(luminosity, floor)
         return luminosity
 
     def _say_set_point(self) -> None:

@@ -327,7 +327,7 @@ def _outcome(
         layout.DONE: f'reached {time:g} s with {events} events',
         layout.FULL: f'stopped at {time:.9g} s after {events} events: raise max_events to go on',
         layout.ZENO: f'stopped at {time:.9g} s: pixel {pixel} fired {layout.WINDOW} times faster '
-        f'than max_event_rate = {constants.event_rate:g} events/s. Its luminosity tends to 0, where '
+        f'than max_event_rate = {constants.event_rate:g} events/s. Its luminosity nears 0, where '
         'a logarithmic pixel fires without end, or event_threshold is too small',
         layout.DIVERGED: f'stopped at {time:.9g} s: the luminosity left all bounds; the loop is '
         'unstable at this event_threshold',
