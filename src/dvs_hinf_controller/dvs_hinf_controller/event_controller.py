@@ -72,7 +72,7 @@ class EventController:
         self._height = problem.scene.height
         self._mean_target = float(problem.set_point_luminosity.mean())
         self._feedforward = problem.equilibrium.feedforward
-        self._limit = command_limit
+        self._limit = command_limit if np.isfinite(command_limit).any() else None
         self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
         self._reset()
 
@@ -92,7 +92,8 @@ class EventController:
         """``u_o = Cc xc + Dc e - B^+ A x_d`` within the limits, shape (m,)."""
         k = self._controller
         command = k.output_matrix @ self._state + k.feedthrough * self._deviation
-        return np.clip(command + self._feedforward, -self._limit, self._limit)
+        command = command + self._feedforward
+        return command if self._limit is None else np.clip(command, -self._limit, self._limit)
 
     def take(self, packet: EventPacket) -> PacketReport:
         """Advance to the packet's stamp through all of its events.

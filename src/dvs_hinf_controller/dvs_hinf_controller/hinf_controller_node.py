@@ -65,8 +65,6 @@ class HinfControllerNode(ManagedNode):
                 f'{report.lost_events} events were lost before {packet.stamp_ns * 1e-9:.6f} s '
                 f'({self._lost_events} in all): the estimate is biased'
             )
-        if self._estimate_publisher.get_subscription_count():
-            self._estimate_publisher.publish(pack_array(self._controller.estimate))
         self._command_publisher.publish(
             pack_command(
                 Vector(
@@ -74,6 +72,8 @@ class HinfControllerNode(ManagedNode):
                 )
             )
         )
+        if self._estimate_publisher.get_subscription_count():
+            self._estimate_publisher.publish(pack_array(self._controller.estimate))
 
 
 def main() -> int:

@@ -32,6 +32,10 @@ class CdrWriter:
     def __init__(self) -> None:
         self._buffer = bytearray(_LITTLE_ENDIAN_HEADER)
 
+    def section(self, octets: bytes) -> None:
+        """Append bytes that were written before at the same offset."""
+        self._buffer += octets
+
     def align(self, size: int) -> None:
         """Pad to a multiple of `size` bytes, counted from the end of the encapsulation header."""
         self._buffer.extend(bytes(-(len(self._buffer) - 4) % size))
@@ -115,13 +119,27 @@ class CdrReader:
         self._position = start + size
         return start
 
+    def skip_section(self, octets: bytes) -> bool:
+        """Step over `octets` if they are what comes next; tell whether they are."""
+        end = self._position + len(octets)
+        if self._buffer[self._position : end] != octets:
+            return False
+        self._position = end
+        return True
+
     def u8(self) -> int:
         """Read a byte."""
         return self._buffer[self._take(1, 1)]
 
     def u32(self) -> int:
         """Read an unsigned 32-bit integer."""
-        return int(_U32.unpack_from(self._buffer, self._take(4, 4))[0])
+        start = (self._position + 3) & ~3
+        try:
+            (value,) = _U32.unpack_from(self._buffer, start)
+        except struct.error:
+            raise MessageError('message ends too early') from None
+        self._position = start + 4
+        return int(value)
 
     def u64(self) -> int:
         """Read an unsigned 64-bit integer."""

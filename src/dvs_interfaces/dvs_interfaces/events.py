@@ -5,6 +5,7 @@ A record has 16 bytes and any PointCloud2 tool can read it; docs/wire_contract.m
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,7 @@ _FIELDS = (
     ('sign', 13, _INT8),
 )
 _LABEL_FIELD = ('noise', 14, _UINT8)
+_AFTER_STAMP = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +97,8 @@ def make_events(
         Running number of the first event.
     """
     count = len(times_ns)
+    if count == 0:
+        return np.empty(0, EVENT_DTYPE)
     words = np.empty((count, 2), dtype='<u8')
     row, column = np.divmod(pixels.astype(np.uint64), np.uint64(width))
     relative = (times_ns - stamp_ns).astype(np.int32).view(np.uint32).astype(np.uint64)
@@ -114,13 +118,36 @@ def pack_events(packet: EventPacket) -> bytes:
         Events to publish.
     """
     data = packet.events
-    labelled = data.dtype == LABELLED_EVENT_DTYPE
-    fields = (*_FIELDS, _LABEL_FIELD) if labelled else _FIELDS
+    sections = _sections(data.dtype == LABELLED_EVENT_DTYPE)
     writer = CdrWriter()
     writer.stamp(packet.stamp_ns)
+    writer.section(sections.before_width)
+    writer.u32(len(data))
+    writer.section(sections.after_width)
+    writer.u32(EVENT_DTYPE.itemsize * len(data))
+    writer.octets(data.tobytes())
+    writer.u8(1)
+    return writer.finish()
+
+
+@dataclass(frozen=True, slots=True)
+class _Sections:
+    """What is the same in every packet: two runs of bytes around ``width``."""
+
+    before_width: bytes
+    after_width: bytes
+
+
+@functools.cache
+def _sections(labelled: bool) -> _Sections:
+    fields = (*_FIELDS, _LABEL_FIELD) if labelled else _FIELDS
+    writer = CdrWriter()
+    writer.stamp(0)
     writer.text(FRAME_ID)
     writer.u32(1)
-    writer.u32(len(data))
+    before_width = writer.finish()[_AFTER_STAMP:]
+    writer.u32(0)
+    after_width = len(writer.finish())
     writer.u32(len(fields))
     for name, offset, datatype in fields:
         writer.text(name)
@@ -129,10 +156,7 @@ def pack_events(packet: EventPacket) -> bytes:
         writer.u32(1)
     writer.u8(0)
     writer.u32(EVENT_DTYPE.itemsize)
-    writer.u32(EVENT_DTYPE.itemsize * len(data))
-    writer.octets(data.tobytes())
-    writer.u8(1)
-    return writer.finish()
+    return _Sections(before_width, writer.finish()[after_width:])
 
 
 def parse_events(message: bytes) -> EventPacket:
@@ -150,21 +174,35 @@ def parse_events(message: bytes) -> EventPacket:
     """
     reader = CdrReader(message)
     stamp_ns = reader.stamp()
-    reader.text()
-    height, width = reader.u32(), reader.u32()
+    ours = _sections(False)
+    dtype, count = EVENT_DTYPE, 0
+    if reader.skip_section(ours.before_width):
+        count = reader.u32()
+        known = reader.skip_section(ours.after_width)
+    else:
+        reader.text()
+        count = reader.u32() * reader.u32()
+        known = False
+    if not known:
+        dtype = _parse_layout(reader)
+    reader.u32()
+    data = reader.octets()
+    if len(data) != count * EVENT_DTYPE.itemsize:
+        raise MessageError(f'{count} events do not fit {len(data)} bytes of data')
+    return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=dtype))
+
+
+def _parse_layout(reader: CdrReader) -> np.dtype[np.void]:
+    """Read fields, byte order and point_step of whatever writer; return the record's type."""
     fields = []
     for _ in range(reader.u32()):
         fields.append((reader.text(), reader.u32(), reader.u8()))
         reader.u32()
     if not set(_FIELDS) <= set(fields):
         raise MessageError(f'fields {fields} are not those of an event packet: {list(_FIELDS)}')
-    big_endian, point_step, _ = reader.u8(), reader.u32(), reader.u32()
-    data = reader.octets()
+    big_endian, point_step = reader.u8(), reader.u32()
     if big_endian or point_step != EVENT_DTYPE.itemsize:
         raise MessageError(
             f'point_step {point_step} must be {EVENT_DTYPE.itemsize}, little-endian'
         )
-    if len(data) != height * width * EVENT_DTYPE.itemsize:
-        raise MessageError(f'{height} x {width} events do not fit {len(data)} bytes of data')
-    dtype = LABELLED_EVENT_DTYPE if _LABEL_FIELD in fields else EVENT_DTYPE
-    return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=dtype))
+    return LABELLED_EVENT_DTYPE if _LABEL_FIELD in fields else EVENT_DTYPE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from dvs_interfaces.cdr import CdrReader, CdrWriter, MessageError
 from dvs_interfaces.events import FRAME_ID
 from dvs_interfaces.model import FloatArray
+
+_AFTER_STAMP = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,14 +81,22 @@ def pack_image(stamp_ns: int, pixels: NDArray[np.generic], encoding: str) -> byt
     height, width = pixels.shape[:2]
     writer = CdrWriter()
     writer.stamp(stamp_ns)
+    writer.section(_image_layout(height, width, encoding, pixels.nbytes // height))
+    writer.octets(pixels.tobytes())
+    return writer.finish()
+
+
+@functools.lru_cache(maxsize=16)
+def _image_layout(height: int, width: int, encoding: str, step: int) -> bytes:
+    writer = CdrWriter()
+    writer.stamp(0)
     writer.text(FRAME_ID)
     writer.u32(height)
     writer.u32(width)
     writer.text(encoding)
     writer.u8(0)
-    writer.u32(pixels.nbytes // height)
-    writer.octets(pixels.data.cast('B'))
-    return writer.finish()
+    writer.u32(step)
+    return writer.finish()[_AFTER_STAMP:]
 
 
 def parse_image(message: bytes) -> ImageFrame:
@@ -166,12 +177,20 @@ def pack_command(vector: Vector) -> bytes:
 def _pack_joint_state(vector: Vector, *, position: FloatArray, effort: FloatArray) -> bytes:
     writer = CdrWriter()
     writer.stamp(vector.stamp_ns)
-    writer.text('')
-    writer.texts(vector.names)
+    writer.section(_joint_names(vector.names))
     writer.doubles(position)
     writer.doubles(np.empty(0))
     writer.doubles(effort)
     return writer.finish()
+
+
+@functools.lru_cache(maxsize=16)
+def _joint_names(names: tuple[str, ...]) -> bytes:
+    writer = CdrWriter()
+    writer.stamp(0)
+    writer.text('')
+    writer.texts(names)
+    return writer.finish()[_AFTER_STAMP:]
 
 
 def parse_state(message: bytes) -> Vector:

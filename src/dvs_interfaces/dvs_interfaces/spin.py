@@ -7,6 +7,7 @@ deadlock in rclpy 7.1, so the loop here always gives a timeout; see docs/archite
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -96,7 +97,9 @@ def _spin(nodes: Sequence[ManagedNode], stop: StopSignal) -> int:
         for node in nodes:
             if node.autostart and not _start(node):
                 return _USAGE_ERROR
-        while not stop.received and rclpy.ok():
+        # What start-up has made stays: no later collection has to walk through it.
+        gc.freeze()
+        while not stop.received:
             executor.spin_once(timeout_sec=_TURN_S)
             for node in nodes:
                 if node.exit_code is not None:

@@ -56,15 +56,18 @@ class LockstepDriver:
     def _publish(self) -> None:
         stamp_ns = self._handshake.stamp_ns
         self._handshake.sent()
-        self._clock_publisher.publish(pack_clock(stamp_ns))
         self._node.publish_sample(stamp_ns)
+        if self._clock_publisher.get_subscription_count():
+            self._clock_publisher.publish(pack_clock(stamp_ns))
 
     def _step(self, message: bytes) -> None:
         command = self._node.checked_command(message)
         if not self._handshake.accepts(command.stamp_ns):
             return
+        if self._handshake.sample == 0:
+            self._first_answer_s = time.perf_counter()
         if self._handshake.is_last:
-            self._node.finish(0, f'run of {command.stamp_ns * 1e-9:g} s finished')
+            self._finish(command.stamp_ns)
             return
         self._node.plant.advance(self._scenario.sampling_period_ns, command.values)
         delay_s = self._pace.delay_s(self._handshake.next(), time.monotonic())
@@ -73,6 +76,15 @@ class LockstepDriver:
             self._due.reset()
         else:
             self._publish()
+
+    def _finish(self, stamp_ns: int) -> None:
+        wall_s = time.perf_counter() - self._first_answer_s
+        cycles = self._handshake.sample
+        self._node.finish(
+            0,
+            f'run of {stamp_ns * 1e-9:g} s finished: {cycles} cycles in {wall_s:.3f} s, '
+            f'{cycles / wall_s:.0f} cycles/s',
+        )
 
     def _publish_due(self) -> None:
         self._due.cancel()

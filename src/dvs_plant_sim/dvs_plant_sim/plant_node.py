@@ -103,9 +103,11 @@ class PlantNode(ManagedNode):
                 return
         image = luminosity.reshape(self._scene.height, self._scene.width)
         self._message = pack_image(stamp_ns, image, '64FC1')
-        state = Vector(stamp_ns=stamp_ns, names=self._state_names, values=self.plant.state)
-        self._state_publisher.publish(pack_state(state))
+        # First what the loop waits for, then what others look at.
         self._luminosity_publisher.publish(self._message)
+        if self._state_publisher.get_subscription_count():
+            state = Vector(stamp_ns=stamp_ns, names=self._state_names, values=self.plant.state)
+            self._state_publisher.publish(pack_state(state))
 
     def send_again(self) -> None:
         """Publish the last luminosity once more."""

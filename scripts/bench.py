@@ -1,0 +1,38 @@
+"""Run the benchmarks that bench.sh names and collect their ratios."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import platform
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+BENCHMARKS = ('loop', 'camera', 'exact', 'design')
+
+
+def main() -> int:
+    """Run the chosen benchmarks; print their figures and write them as JSON."""
+    parser = argparse.ArgumentParser(prog='scripts/bench.sh', description=__doc__)
+    parser.add_argument('names', nargs='*', help=f'some of {", ".join(BENCHMARKS)}; default: all')
+    parser.add_argument('--json', type=Path, help='file for the figures')
+    options = parser.parse_args()
+    unknown = set(options.names) - set(BENCHMARKS)
+    if unknown:
+        parser.error(f'no benchmark called {", ".join(sorted(unknown))}')
+    packages = ('numpy', 'scipy', 'numba')
+    versions = ', '.join(f'{name} {version(name)}' for name in packages)
+    print(f'{platform.machine()}, Python {platform.python_version()}, {versions}')
+    figures: dict[str, float] = {}
+    for name in options.names or BENCHMARKS:
+        print(f'== {name}')
+        figures |= importlib.import_module(f'bench_{name}').measure()
+    if options.json:
+        options.json.write_text(json.dumps(figures, indent=2) + '\n', encoding='utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
