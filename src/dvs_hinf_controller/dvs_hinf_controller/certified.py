@@ -10,7 +10,12 @@ import scipy.sparse
 
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.options import DesignOptions
-from dvs_hinf_controller.peak_gain import SampledKernel, peak_gains, steepest_direction
+from dvs_hinf_controller.peak_gain import (
+    SampledKernel,
+    peak_gains,
+    steepest_direction,
+    trapezoidal_weights,
+)
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.reduction import reduced_controllers
 from dvs_hinf_controller.rolled_off import plant_rate
@@ -59,11 +64,10 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     if math.isfinite(_objective(problem, full)):
         candidates += reduced_controllers(model, full)
     values = [_objective(problem, candidate) for candidate in candidates]
-    good = [
-        candidate
-        for candidate, value in zip(candidates, values, strict=True)
-        if value <= min(values) * (1 + _REDUCTION_LOSS)
-    ]
+    limit = min(values) * (1 + _REDUCTION_LOSS)
+    if not math.isfinite(limit):
+        return structured
+    good = [pair[1] for pair in zip(values, candidates, strict=True) if pair[0] <= limit]
     return min(good, key=lambda candidate: candidate.order)
 
 
@@ -83,9 +87,7 @@ def _optimal_coefficients(problem: DesignProblem, family: YoulaFamily) -> FloatA
     """Cutting planes: a direction v enters once ``integral |v'g|`` exceeds what is accounted."""
     times = family.time_grid()
     nominal, responses = family.responses(times)
-    weights = np.zeros(times.size)
-    weights[1:] += np.diff(times) / 2
-    weights[:-1] += np.diff(times) / 2
+    weights = trapezoidal_weights(times)
     theta = np.zeros(family.coefficient_count)
     directions: list[FloatArray] = []
     for _ in range(_MAX_CUTS):

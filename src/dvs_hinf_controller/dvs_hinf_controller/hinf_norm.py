@@ -56,7 +56,8 @@ def hinf_norm(system: StateSpace, *, rtol: float = 1e-7) -> HinfNorm:
         crossings = axis_crossings(system, level)
         if crossings.size == 0:
             return HinfNorm(lower=lower, upper=level, frequency=frequency)
-        middles = np.sqrt(np.maximum(crossings[1:] * crossings[:-1], 0))
+        ends = np.concatenate([[0.0], crossings])
+        middles = np.concatenate([(ends[1:] + ends[:-1]) / 2, np.sqrt(ends[1:] * ends[:-1])])
         found, where = _best(system, np.concatenate([middles, crossings]))
         if found <= lower * (1 + 0.1 * rtol):
             return HinfNorm(lower=lower, upper=level, frequency=frequency)

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from dvs_hinf_controller.state_space import StateSpace
+from dvs_hinf_controller.state_space import ComplexArray, StateSpace
 from dvs_interfaces.model import FloatArray
 
-_MAX_NODES = 60_000
-_DIRECTIONS_IN_PLANE = 2000
+_MAX_NODES = 40_000
+_MAX_PASSES = 8
+_QUADRATURE_SHARE = 0.75
+_WORST_CONDITION = 1e8
+_SECTORS = 32
+_PLANE_RTOL = 1e-5
 _ASCENT_STARTS = 12
 _ASCENT_STEPS = 100
 _RELAXATION_STEPS = 40
@@ -80,7 +84,7 @@ def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) 
 
     Between two times a function differs from its chord by at most ``M s (tau - s) / 2``, M a bound
     of its second derivative, so that ``integral |f|`` exceeds the trapezoid of ``|f|`` by at most
-    ``M tau^3 / 12``. M, and the tail, come from a Lyapunov function of the closed loop.
+    ``M tau^3 / 12``. M, and the tail, come from the modes or a Lyapunov function of the loop.
 
     Parameters
     ----------
@@ -95,8 +99,8 @@ def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) 
     Returns
     -------
     PeakGains
-        Infinite upper bounds if `g` is unstable, or if the second derivative cannot be bounded
-        tightly enough in double precision.
+        Infinite upper bounds if `g` is unstable, or so ill-conditioned that double precision gives
+        no bound.
     """
     zero = PeakGains(state=0.0, state_lower=0.0, output=0.0, output_lower=0.0)
     if not np.any(g.b) or not np.any(g.c):
@@ -127,84 +131,99 @@ def sample_kernel(g: StateSpace, *, rtol: float) -> SampledKernel | None:
     g
         G, stable, without feedthrough.
     rtol
-        Wanted bound of the errors, relative to ``integral ||g||``.
+        Wanted bound of the errors, relative to ``integral ||g||``. Where that would take too many
+        times, the kernel's own error bounds tell what was reached.
 
     Returns
     -------
     SampledKernel or None
-        None where the accuracy is out of reach.
+        None where no bound of the second derivative is known.
     """
-    bound = _DecayBound.of(g)
-    if bound is None:
+    bounds = [bound for bound in (_modal_bound(g), _lyapunov_bound(g)) if bound is not None]
+    if not bounds:
         return None
-    density = 1.0
-    for _ in range(12):
-        kernel = _sample(g, bound, density * rtol, rtol)
+    best, density = None, 1.0
+    for _ in range(_MAX_PASSES):
+        kernel = _sample(g, bounds, density * rtol, rtol)
         if kernel is None:
-            return None
+            return best
         total = float(kernel.weights @ np.linalg.norm(kernel.values, axis=1))
-        if kernel.quadrature_error + kernel.tail <= rtol * total:
-            return kernel
-        density *= min(0.8 * rtol * total / (kernel.quadrature_error + kernel.tail), 0.5)
-    return None
+        best, error = kernel, kernel.quadrature_error
+        if error <= _QUADRATURE_SHARE * rtol * total:
+            break
+        density *= min(0.8 * _QUADRATURE_SHARE * rtol * total / error, 0.5)
+    return best
 
 
 @dataclass(frozen=True, slots=True)
-class _DecayBound:
-    """``||c e^(a s) x|| <= gain ||root x|| e^(-rate s)`` for every x and s >= 0."""
+class _Bound:
+    """``||c e^(a s) x|| <= sum_i gains_i |(coordinates x)_i| e^(-rates_i s)`` for s >= 0.
 
-    root: FloatArray
-    gain: float
-    rate: float
+    ``coordinates`` has orthogonal groups of rows where it is not modal: then one gain and one rate
+    serve the Euclidean norm of all of them.
+    """
 
-    @classmethod
-    def of(cls, g: StateSpace) -> _DecayBound | None:
-        """From ``(a + rate I)' P + P (a + rate I) = -Q``, P = root' root."""
-        rate = -0.5 * float(np.max(g.poles().real))
-        n = g.order
-        shifted = g.a + rate * np.eye(n)
-        p = scipy.linalg.solve_continuous_lyapunov(shifted.T, -g.c.T @ g.c - _floor(g))
-        p = (p + p.T) / 2
-        slope = shifted.T @ p + p @ shifted
-        if np.linalg.eigvalsh(p)[0] <= 0 or np.linalg.eigvalsh(slope)[-1] > 0:
-            return None
-        root = np.linalg.cholesky(p).T
-        gain = float(np.linalg.norm(np.linalg.solve(root.T, g.c.T), 2))
-        return cls(root=root, gain=gain * (1 + 1e-9), rate=rate)
+    coordinates: ComplexArray
+    gains: FloatArray
+    rates: FloatArray
 
-    def value(self, x: FloatArray) -> float:
-        return self.gain * float(np.linalg.norm(self.root @ x))
+    def size_and_tail(self, x: FloatArray) -> tuple[float, float]:
+        parts = self.gains * self._magnitudes(x)
+        return float(np.sum(parts)), float(np.sum(parts / self.rates))
+
+    def _magnitudes(self, x: FloatArray) -> FloatArray:
+        y = self.coordinates @ x
+        return np.abs(y) if self.gains.size == y.size else np.array([np.linalg.norm(y)])
 
 
-def _floor(g: StateSpace) -> FloatArray:
-    return np.eye(g.order) * 1e-6 * float(np.linalg.norm(g.c)) ** 2
+def _modal_bound(g: StateSpace) -> _Bound | None:
+    poles, vectors = np.linalg.eig(g.a)
+    if np.linalg.cond(vectors) > _WORST_CONDITION:
+        return None
+    return _Bound(
+        coordinates=np.linalg.inv(vectors),
+        gains=np.linalg.norm(g.c @ vectors, axis=0) * (1 + 1e-6),
+        rates=-poles.real,
+    )
+
+
+def _lyapunov_bound(g: StateSpace) -> _Bound | None:
+    """From ``(a + rate I)' P + P (a + rate I) <= 0``, P = root' root."""
+    rate = -0.5 * float(np.max(g.poles().real))
+    shifted = g.a + rate * np.eye(g.order)
+    floor = 1e-6 * float(np.linalg.norm(g.c)) ** 2
+    p = scipy.linalg.solve_continuous_lyapunov(shifted.T, -g.c.T @ g.c - floor * np.eye(g.order))
+    p = (p + p.T) / 2
+    slope = shifted.T @ p + p @ shifted
+    if np.linalg.eigvalsh(p)[0] <= 0 or np.linalg.eigvalsh(slope)[-1] > 0:
+        return None
+    root = np.linalg.cholesky(p).T
+    gain = float(np.linalg.norm(np.linalg.solve(root.T, g.c.T), 2)) * (1 + 1e-9)
+    return _Bound(
+        coordinates=root.astype(np.complex128), gains=np.array([gain]), rates=np.array([rate])
+    )
 
 
 def _sample(
-    g: StateSpace, bound: _DecayBound, chord: float, truncation: float
+    g: StateSpace, bounds: list[_Bound], chord: float, truncation: float
 ) -> SampledKernel | None:
     """March with steps that are powers of two, each as long as its chord error allows."""
     square = g.a @ g.a
-    base = 0.1 / bound.rate
+    base = 0.1 / float(np.min(-g.poles().real))
     flows: dict[int, FloatArray] = {}
-    time, x, level = 0.0, g.b[:, 0].copy(), 0
+    time, x = 0.0, g.b[:, 0].copy()
     times, values, error, total = [time], [g.c @ x], 0.0, 0.0
     while len(times) < _MAX_NODES:
-        curvature, size = bound.value(square @ x), bound.value(x)
-        tail = size / bound.rate
-        if tail <= 0.25 * truncation * total:
-            nodes = np.array(times)
-            weights = np.zeros(nodes.size)
-            steps = np.diff(nodes)
-            weights[1:] += steps / 2
-            weights[:-1] += steps / 2
+        size, tail = (min(pair) for pair in zip(*(b.size_and_tail(x) for b in bounds), strict=True))
+        if tail <= (1 - _QUADRATURE_SHARE) * truncation * total:
             return SampledKernel(
-                times=nodes,
+                times=np.array(times),
                 values=np.array(values),
-                weights=weights,
+                weights=trapezoidal_weights(np.array(times)),
                 quadrature_error=error,
                 tail=tail,
             )
+        curvature = min(b.size_and_tail(square @ x)[0] for b in bounds)
         allowed = math.sqrt(12 * chord * size / curvature) if curvature > 0 else math.inf
         level = max(0, math.ceil(math.log2(base / allowed))) if allowed < base else 0
         step = base / 2.0**level
@@ -219,6 +238,20 @@ def _sample(
     return None
 
 
+def trapezoidal_weights(times: FloatArray) -> FloatArray:
+    """Weights of the trapezoidal rule at uneven times, shape (N,).
+
+    Parameters
+    ----------
+    times
+        Ascending, shape (N,).
+    """
+    weights = np.zeros(times.size)
+    weights[1:] += np.diff(times) / 2
+    weights[:-1] += np.diff(times) / 2
+    return weights
+
+
 def _largest_integral(kernel: SampledKernel) -> tuple[float, float]:
     """Bracket of ``max_v sum weights |v'g|`` over unit vectors, a norm of v, hence convex."""
     n = kernel.values.shape[1]
@@ -226,11 +259,31 @@ def _largest_integral(kernel: SampledKernel) -> tuple[float, float]:
         value = float(kernel.integral(np.ones((1, 1)))[0])
         return value, value
     if n == 2:
-        angles = np.arange(_DIRECTIONS_IN_PLANE) * (math.pi / _DIRECTIONS_IN_PLANE)
-        best = float(np.max(kernel.integral(np.array([np.cos(angles), np.sin(angles)]))))
-        return best, best / math.cos(math.pi / (2 * _DIRECTIONS_IN_PLANE))
+        return _largest_in_plane(kernel)
     v = steepest_direction(kernel)
     return float(kernel.integral(v[:, None])[0]), _relaxed_maximum(kernel, v)
+
+
+def _largest_in_plane(kernel: SampledKernel) -> tuple[float, float]:
+    """Bracket by bisecting sectors: inside one of half-width a, at most its ends' / cos(a)."""
+
+    def values(angles: FloatArray) -> FloatArray:
+        return kernel.integral(np.array([np.cos(angles), np.sin(angles)]))
+
+    angles = np.linspace(0, math.pi, _SECTORS + 1)
+    ends = values(angles)
+    low, high = np.column_stack([angles[:-1], ends[:-1]]), np.column_stack([angles[1:], ends[1:]])
+    best, settled = float(ends.max()), 0.0
+    while low.size:
+        cap = np.maximum(low[:, 1], high[:, 1]) / np.cos((high[:, 0] - low[:, 0]) / 2)
+        is_open = cap > best * (1 + _PLANE_RTOL)
+        settled = max(settled, float(np.max(cap[~is_open], initial=0.0)))
+        low, high = low[is_open], high[is_open]
+        middle = (low[:, 0] + high[:, 0]) / 2
+        centre = np.column_stack([middle, values(middle)])
+        best = max(best, float(np.max(centre[:, 1], initial=0.0)))
+        low, high = np.vstack([low, centre]), np.vstack([centre, high])
+    return best, max(settled, best)
 
 
 def _relaxed_maximum(kernel: SampledKernel, v: FloatArray) -> float:

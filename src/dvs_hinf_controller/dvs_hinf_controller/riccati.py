@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import scipy.linalg
 
@@ -9,6 +11,8 @@ from dvs_interfaces.model import FloatArray
 
 _AXIS_TOLERANCE = 1e-11
 _RESIDUAL_TOLERANCE = 1e-6
+_NEGLIGIBLE_RESIDUAL = 1e-11
+_NEWTON_STEPS = 3
 
 
 def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatArray | None:
@@ -31,7 +35,10 @@ def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatAr
     scale = _symplectic_scale(np.block([[a, -s], [-q, -a.T]]))
     a, s, q = a * scale[:, None] / scale, s * np.outer(scale, scale), q / np.outer(scale, scale)
     hamiltonian = np.block([[a, -s], [-q, -a.T]])
-    form, basis, stable = scipy.linalg.schur(hamiltonian, output='real', sort='lhp')
+    try:
+        form, basis, stable = scipy.linalg.schur(hamiltonian, output='real', sort='lhp')
+    except np.linalg.LinAlgError:  # eigenvalues on the axis change sides while being sorted
+        return None
     modes = np.linalg.eigvals(form)
     if stable != n or np.any(np.abs(modes.real) <= _AXIS_TOLERANCE * np.abs(modes).max()):
         return None
@@ -39,11 +46,32 @@ def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatAr
     if np.linalg.cond(top) > 1e13:
         return None
     x = np.linalg.solve(top.T, bottom.T).T
-    x = (x + x.T) / 2
-    terms = (a.T @ x, x @ a, -x @ s @ x, q)
-    if np.linalg.norm(sum(terms)) > _RESIDUAL_TOLERANCE * sum(map(np.linalg.norm, terms)):
+    x = _refined(a, s, q, (x + x.T) / 2)
+    if _residual(a, s, q, x) > _RESIDUAL_TOLERANCE:
         return None
     return np.asarray(x * np.outer(scale, scale), dtype=np.float64)
+
+
+def _refined(a: FloatArray, s: FloatArray, q: FloatArray, x: FloatArray) -> FloatArray:
+    """A few Newton steps where rounding has left a residual (Kleinman 1968)."""
+    for _ in range(_NEWTON_STEPS):
+        if _residual(a, s, q, x) < _NEGLIGIBLE_RESIDUAL:
+            break
+        closed = a - s @ x
+        modes = np.linalg.eigvals(closed)
+        if np.max(modes.real) > -_AXIS_TOLERANCE * np.max(np.abs(modes)):
+            break
+        with warnings.catch_warnings():  # nearly singular: the residual decides
+            warnings.simplefilter('ignore', RuntimeWarning)
+            x = scipy.linalg.solve_continuous_lyapunov(closed.T, -q - x @ s @ x)
+        x = (x + x.T) / 2
+    return x
+
+
+def _residual(a: FloatArray, s: FloatArray, q: FloatArray, x: FloatArray) -> float:
+    terms = (a.T @ x, x @ a, -x @ s @ x, q)
+    size = sum(float(np.linalg.norm(term)) for term in terms)
+    return float(np.linalg.norm(sum(terms))) / max(size, 1e-300)
 
 
 def is_semidefinite(x: FloatArray, *, rtol: float = 1e-8) -> bool:

@@ -17,15 +17,18 @@ from dvs_hinf_controller.hinf_synthesis import (
 from dvs_hinf_controller.options import DesignOptions
 from dvs_hinf_controller.reduced import reduced_plant
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, state_response
+from dvs_hinf_controller.synthesis_error import Assumption, SynthesisError
 from dvs_interfaces.model import PlantModel
 
 # Roll-offs that are tried, relative to the plant's own rate.
-_FASTEST = 1e4
+_FASTEST = (1e4, 1e3, 1e2)
 _SLOWEST = 0.1
 _BANDWIDTH_RTOL = 0.02
 # Where the bandwidth limit binds: factors on the process noise, and the decay that suffices.
 _NOISE_SCALES = (1.0, 10.0, 30.0, 100.0)
 _LEAST_DECAY = 0.05
+# Failures that no other roll-off mends.
+_STRUCTURAL = (Assumption.STABILIZABILITY, Assumption.DETECTABILITY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,12 +106,12 @@ def synthesize_rolled_off(
             output_weight=output_weight,
         )
 
-    optimal = hinf_synthesis(plant(_FASTEST * rate), slack=options.gamma_slack).gamma_optimal
+    fastest, optimal = _least_gamma(plant, rate, options.gamma_slack)
     level = optimal * (1 + options.gamma_slack / 2)
     bandwidth = _slowest(
         lambda trial: gamma_test(plant(trial), level).failure is None,
         _SLOWEST * rate,
-        _FASTEST * rate,
+        fastest,
     )
     scales: tuple[float, ...] = (1.0,)
     if 0 < options.bandwidth_limit < bandwidth:
@@ -134,6 +137,27 @@ def as_controller(synthesis: HinfSynthesis) -> LinearController:
     k = synthesis.controller
     return LinearController(
         state_matrix=k.a, input_vector=k.b[:, 0], output_matrix=k.c, feedthrough=k.d[:, 0]
+    )
+
+
+def _least_gamma(
+    plant: Callable[[float], GeneralizedPlant], rate: float, slack: float
+) -> tuple[float, float]:
+    """Fastest roll-off that double precision bears, and the least gamma there."""
+    found = SynthesisError(Assumption.CONFIRMATION, 'no roll-off was tried')
+    for multiple in _FASTEST:
+        try:
+            synthesis = hinf_synthesis(plant(multiple * rate), slack=slack)
+        except SynthesisError as error:
+            if error.assumption in _STRUCTURAL:
+                raise
+            found = error
+        else:
+            return multiple * rate, synthesis.gamma_optimal
+    raise SynthesisError(
+        Assumption.CONFIRMATION,
+        'the plant is stabilizable and detectable, but too badly conditioned for double '
+        f'precision ({found.assumption.value}: {found.detail})',
     )
 
 
