@@ -20,7 +20,7 @@ from dvs_event_camera.crossings import (
     RawEvents,
     hold_invalid,
     join,
-    linear_log_crossings,
+    linear_crossings,
 )
 from dvs_event_camera.pixel_events import KEY_BITS, PixelEvents
 from dvs_interfaces.errors import ParameterError
@@ -82,7 +82,7 @@ class NumpyComparator:
         self._counts: CountArray = np.zeros(levels.size, np.int32)
         self.signs: NDArray[np.int8] = np.broadcast_to(np.int8(1), levels.size)
         self.invalid = 0
-        self._previous = levels.copy()
+        self._previous: FloatArray = (levels - origin) / step
         self._origin = origin
         self._step = step
 
@@ -99,6 +99,8 @@ class NumpyComparator:
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
         """Compare a tile; see `Comparator.fire`."""
         tile = slice(first_pixel, first_pixel + levels.size)
+        levels -= self._origin[tile]
+        levels /= self._step
         previous = self._previous[tile]
         self.invalid += hold_invalid(levels, previous)
         events = self._crossings(previous, levels, first_pixel)
@@ -106,14 +108,11 @@ class NumpyComparator:
         if events.elapsed.size:
             self._parts.append(events)
 
-    def _crossings(self, previous: FloatArray, levels: FloatArray, first_pixel: int) -> RawEvents:
-        tile = slice(first_pixel, first_pixel + levels.size)
-        return linear_log_crossings(
+    def _crossings(self, previous: FloatArray, current: FloatArray, first_pixel: int) -> RawEvents:
+        return linear_crossings(
             previous,
-            levels,
-            self._origin[tile],
-            self._counts[tile],
-            step=self._step,
+            current,
+            self._counts[first_pixel : first_pixel + current.size],
             duration_ns=self._duration_ns,
             first_pixel=first_pixel,
         )
@@ -144,6 +143,7 @@ class NumbaComparator(NumpyComparator):
         self._pixel_bits = max(1, (levels.size - 1).bit_length())
         self._keys = np.empty(1024, np.int64)
         self._mask = np.zeros(0, np.uint8)
+        self._found = np.zeros(0, np.int32)
         self._invalid = np.zeros(1, np.int64)
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
@@ -159,33 +159,33 @@ class NumbaComparator(NumpyComparator):
             return
         if self._mask.size < levels.size + 8:
             self._mask = np.zeros((levels.size + 15) // 8 * 8, np.uint8)
-        used = self._fire(levels, first_pixel)
-        if used < 0:
-            grown = np.empty(max(-used, 2 * self._keys.size), np.int64)
-            grown[: self._used] = self._keys[: self._used]
-            self._keys = grown
-            used = self._fire(levels, first_pixel)
-        self._used = used
-        self.invalid = int(self._invalid[0])
-
-    def _fire(self, levels: FloatArray, first_pixel: int) -> int:
+            self._found = np.zeros(self._mask.size, np.int32)
         tile = slice(first_pixel, first_pixel + levels.size)
-        return int(
-            self._compiled.fire_tile(
+        previous, counts = self._previous[tile], self._counts[tile]
+        number = self._compiled.find_news(
+            levels, self._origin[tile], counts, self._step, self._mask, self._found
+        )
+        found = self._found[:number]
+        while found.size:
+            done, self._used, needed = self._compiled.fire(
                 levels,
-                self._previous[tile],
-                self._origin[tile],
-                self._counts[tile],
-                self._step,
+                previous,
+                counts,
+                found,
                 self._duration_ns,
                 first_pixel,
                 self._pixel_bits,
                 self._keys,
                 self._used,
-                self._mask,
                 self._invalid,
             )
-        )
+            found = found[done:]
+            if found.size:
+                grown = np.empty(max(needed, 2 * self._keys.size), np.int64)
+                grown[: self._used] = self._keys[: self._used]
+                self._keys = grown
+        previous[:] = levels
+        self.invalid = int(self._invalid[0])
 
     def finish(self) -> PixelEvents:
         """Events of the interval; see `Comparator.finish`."""

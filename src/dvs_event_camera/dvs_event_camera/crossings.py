@@ -84,18 +84,17 @@ def group_ranks(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.arange(int(ends[-1]) if ends.size else 0) - np.repeat(ends - sizes, sizes)
 
 
-def stamp(fraction: FloatArray, duration_ns: int) -> NDArray[np.int64]:
+def stamp(elapsed: FloatArray, duration_ns: int) -> NDArray[np.int64]:
     """First whole nanosecond at or after a crossing, in (0, duration].
 
     Parameters
     ----------
-    fraction
-        Instant as a fraction of the interval, in [0, 1] but for rounding, shape (k,).
+    elapsed
+        Time of the crossing since the start of the interval, ns, shape (k,).
     duration_ns
         Length of the interval, ns, >= 1.
     """
-    elapsed = np.ceil(fraction * duration_ns)
-    return np.minimum(np.maximum(elapsed, 1.0), float(duration_ns)).astype(np.int64)
+    return np.minimum(np.maximum(np.ceil(elapsed), 1.0), float(duration_ns)).astype(np.int64)
 
 
 def ladder(
@@ -123,13 +122,11 @@ def ladder(
     return owner, polarity, threshold
 
 
-def linear_log_crossings(
+def linear_crossings(
     previous: FloatArray,
     current: FloatArray,
-    origin: FloatArray,
     counts: CountArray,
     *,
-    step: float,
     duration_ns: int,
     first_pixel: int = 0,
 ) -> RawEvents:
@@ -138,33 +135,26 @@ def linear_log_crossings(
     Parameters
     ----------
     previous
-        Level at the start of the interval, shape (k,).
+        Level at the start of the interval, in steps above the first reference, shape (k,).
     current
-        Level at its end, finite, shape (k,).
-    origin
-        Level of the first reference, shape (k,).
+        The same at its end, finite, shape (k,).
     counts
         N, shape (k,); updated in place.
-    step
-        Threshold as a change of the level, ``h ln b``.
     duration_ns
         Length of the interval, ns.
     first_pixel
         Index of the first of the k pixels.
     """
-    v = (current - origin) / step
-    index = np.flatnonzero((v >= counts + 1.0) | (v <= counts - 1.0))
+    index = np.flatnonzero((current >= counts + 1.0) | (current <= counts - 1.0))
     if not index.size:
         return NO_EVENTS
-    v1 = v[index]
-    before = counts[index]
-    after = quantise(v1, before)
+    start, end, before = previous[index], current[index], counts[index]
+    after = quantise(end, before)
     counts[index] = after
     owner, polarity, threshold = ladder(before, after)
-    v0 = (previous[index] - origin[index]) / step
-    fraction = (threshold - v0[owner]) / (v1 - v0)[owner]
+    pace = duration_ns / (end - start)
     return RawEvents(
-        stamp(fraction, duration_ns),
+        stamp((threshold - start[owner]) * pace[owner], duration_ns),
         index[owner] + first_pixel,
         polarity,
         np.ones(owner.size, np.int8),

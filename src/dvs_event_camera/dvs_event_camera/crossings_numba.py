@@ -1,4 +1,4 @@
-"""The crossings of `crossings.linear_log_crossings`, compiled: same results, bit for bit.
+"""The crossings of `crossings.linear_crossings`, compiled: same results, bit for bit.
 
 No logarithm is taken here: a compiled one may differ from NumPy's in the last bit. What is left is
 IEEE arithmetic in the same order, which numba neither contracts nor reorders.
@@ -13,35 +13,76 @@ import numpy as np
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def fire_tile(
+def find_news(levels: Any, origin: Any, counts: Any, step: float, mask: Any, found: Any) -> int:
+    """Levels in steps above the first reference, and the pixels that have news.
+
+    Parameters
+    ----------
+    levels
+        Levels, float64, shape (k,); turned into steps in place.
+    origin
+        Level of the first reference, float64, shape (k,).
+    counts
+        N, int32, shape (k,).
+    step
+        Threshold as a change of the level, ``h ln b``.
+    mask
+        Scratch, uint8, at least k entries and a multiple of 8.
+    found
+        Out: pixels that fire or whose level is not finite, int32, as large as `mask`.
+
+    Returns
+    -------
+    int
+        Number of pixels in `found`.
+    """
+    size = levels.size
+    # A loop without branches, which the compiler turns into vector instructions.
+    for i in range(size):
+        v = (levels[i] - origin[i]) / step
+        levels[i] = v
+        # Negated so that NaN is news.
+        mask[i] = not ((v < counts[i] + 1.0) & (v > counts[i] - 1.0))
+    padded = (size + 7) // 8 * 8
+    for i in range(size, padded):
+        mask[i] = 0
+    words = mask[:padded].view(np.uint64)
+    number = 0
+    for word in range(words.size):
+        if words[word] != 0:
+            # No branch for the processor to guess wrong, unlike an `if` on every pixel.
+            for i in range(8 * word, 8 * word + 8):
+                found[number] = i
+                number += mask[i]
+    return number
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def fire(
     levels: Any,
     previous: Any,
-    origin: Any,
     counts: Any,
-    step: float,
+    found: Any,
     duration_ns: int,
     first_pixel: int,
     pixel_bits: int,
     keys: Any,
     used: int,
-    mask: Any,
     invalid: Any,
-) -> int:
-    """Append the sort keys of a tile's events to `keys`; move `counts` and `previous`.
+) -> tuple[int, int, int]:
+    """Append the sort keys of a tile's events to `keys`; move `counts`.
 
     Parameters
     ----------
     levels
-        Levels at the end of the interval, float64, shape (k,); not finite where without meaning,
-        and replaced there by the previous level.
+        Levels at the end of the interval in steps, float64, shape (k,); those that are not finite
+        are replaced by the previous ones.
     previous
-        Levels at its start, float64, shape (k,); set to `levels`.
-    origin
-        Level of the first reference, float64, shape (k,).
+        Levels at its start in steps, float64, shape (k,).
     counts
         N, int32, shape (k,); updated in place.
-    step
-        Threshold as a change of the level, ``h ln b``.
+    found
+        Pixels to deal with, from `find_news`, int32, shape (c,).
     duration_ns
         Length of the interval, ns.
     first_pixel
@@ -52,67 +93,38 @@ def fire_tile(
         int64 buffer that holds `used` keys already.
     used
         Number of keys in the buffer.
-    mask
-        Scratch, uint8, at least k entries and a multiple of 8.
     invalid
         Counter of samples without meaning, int64, shape (1,).
 
     Returns
     -------
-    int
-        Number of keys in the buffer; negative if it is too small, and then its absolute value is
-        what it must hold and nothing has changed.
+    done, used, needed
+        Entries of `found` dealt with, all of them unless the buffer is full; keys in the buffer;
+        keys that it must be able to hold to go on.
     """
-    size = levels.size
-    for i in range(size):
-        v = (levels[i] - origin[i]) / step
-        # Negated so that NaN counts as news.
-        mask[i] = not ((v < counts[i] + 1.0) & (v > counts[i] - 1.0))
-    for i in range(size, (size + 7) // 8 * 8):
-        mask[i] = 0
-    words = mask[: (size + 7) // 8 * 8].view(np.uint64)
-
-    needed = used
-    for word in range(words.size):
-        if words[word] != 0:
-            for i in range(8 * word, 8 * word + 8):
-                if mask[i]:
-                    v = (levels[i] - origin[i]) / step
-                    if np.isfinite(v):
-                        # A move to floor(v) or ceil(v), whichever is nearer.
-                        needed += int(abs(v - counts[i]))
-    if needed > keys.size:
-        return -needed
-
     duration = float(duration_ns)
-    for word in range(words.size):
-        if words[word] != 0:
-            for i in range(8 * word, 8 * word + 8):
-                if not mask[i]:
-                    continue
-                v1 = (levels[i] - origin[i]) / step
-                if not np.isfinite(v1):
-                    levels[i] = previous[i]
-                    invalid[0] += 1
-                    continue
-                before = counts[i]
-                v0 = (previous[i] - origin[i]) / step
-                rise = v1 - v0
-                if v1 >= before + 1.0:
-                    after, polarity = np.int32(np.floor(v1)), 1
-                else:
-                    after, polarity = np.int32(np.ceil(v1)), -1
-                low = ((first_pixel + i) << 2) | (polarity + 1)
-                for rung in range(1, abs(after - before) + 1):
-                    threshold = before + polarity * (rung * 1.0)
-                    elapsed = np.ceil((threshold - v0) / rise * duration)
-                    elapsed = min(max(elapsed, 1.0), duration)
-                    keys[used] = (np.int64(elapsed) << (pixel_bits + 2)) | low
-                    used += 1
-                counts[i] = after
-    for i in range(size):
-        previous[i] = levels[i]
-    return used
+    for place in range(found.size):
+        i = found[place]
+        end, start, before = levels[i], previous[i], counts[i]
+        if not np.isfinite(end):
+            levels[i] = start
+            invalid[0] += 1
+            continue
+        up = end > before
+        after = np.int32(np.floor(end) if up else np.ceil(end))
+        polarity = 1 if up else -1
+        rungs = abs(after - before)
+        if used + rungs > keys.size:
+            return place, used, used + rungs
+        counts[i] = after
+        pace = duration / (end - start)
+        low = ((first_pixel + i) << 2) | (polarity + 1)
+        for rung in range(1, rungs + 1):
+            threshold = before + polarity * (rung * 1.0)
+            elapsed = min(max(np.ceil((threshold - start) * pace), 1.0), duration)
+            keys[used] = (np.int64(elapsed) << (pixel_bits + 2)) | low
+            used += 1
+    return found.size, used, used
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
@@ -145,3 +157,46 @@ def unpack_keys(
         pixel[i] = (key >> 2) & pixels
         polarity[i] = (key & 2) - 1
         sign[i] = 1 - ((key & 1) << 1)
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def pack_records(
+    t: Any,
+    pixel: Any,
+    polarity: Any,
+    sign: Any,
+    width: int,
+    stamp_ns: int,
+    first_index: int,
+    words: Any,
+) -> None:
+    """Records of `dvs_interfaces.events.EVENT_DTYPE`: `make_events` in one pass.
+
+    Parameters
+    ----------
+    t
+        Absolute time, int64, ns, shape (k,).
+    pixel
+        Row-major pixel, int32, shape (k,).
+    polarity
+        +1 or -1, int8, shape (k,).
+    sign
+        +1 or -1, int8, shape (k,).
+    width
+        Columns of the pixel array.
+    stamp_ns
+        Stamp of the packet, ns.
+    first_index
+        Running number of the first event.
+    words
+        Out: two 64-bit words an event, uint64, shape (k, 2).
+    """
+    columns = np.int32(width)
+    for i in range(t.size):
+        row = pixel[i] // columns
+        column = pixel[i] - row * columns
+        place = np.uint64(column) | np.uint64(row) << np.uint64(16)
+        relative = np.uint64(np.uint32(t[i] - stamp_ns))
+        words[i, 0] = place | relative << np.uint64(32)
+        flags = np.uint64(np.uint8(polarity[i])) | np.uint64(np.uint8(sign[i])) << np.uint64(8)
+        words[i, 1] = np.uint64(np.uint32(first_index + i)) | flags << np.uint64(32)

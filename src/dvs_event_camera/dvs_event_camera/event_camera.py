@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dvs_event_camera.event_records import may_compile, records_of
 from dvs_event_camera.image_source import LuminosityFrame
 from dvs_event_camera.imperfections import Imperfections
 from dvs_event_camera.photoreceptor import (
@@ -19,12 +19,7 @@ from dvs_event_camera.photoreceptor import (
 )
 from dvs_event_camera.pixel_array import PixelArray
 from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.events import (
-    LABELLED_EVENT_DTYPE,
-    LONGEST_INTERVAL_NS,
-    EventPacket,
-    make_events,
-)
+from dvs_interfaces.events import LONGEST_INTERVAL_NS, EventPacket
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
 
@@ -63,10 +58,15 @@ class EventCamera:
     make_pixels
         Makes the pixel array for a first frame, given as luminosities of shape (r,) and the
         darkest luminosity that its encoding can tell.
+    backend
+        `auto`, `numba` or `numpy`.
     """
 
-    def __init__(self, make_pixels: Callable[[FloatArray, float], PixelArray]) -> None:
+    def __init__(
+        self, make_pixels: Callable[[FloatArray, float], PixelArray], *, backend: str = 'auto'
+    ) -> None:
         self._make_pixels = make_pixels
+        self._compiled = may_compile(backend)
         self._pixels: PixelArray | None = None
         self._shape: tuple[int, int] = (0, 0)
         self._index = 0
@@ -88,7 +88,9 @@ class EventCamera:
         ParameterError
             If parameters do not fit together.
         """
-        camera = cls(lambda y, darkest: pixels_of_scenario(scenario, y, darkest, backend))
+        camera = cls(
+            lambda y, darkest: pixels_of_scenario(scenario, y, darkest, backend), backend=backend
+        )
         pixels_of_scenario(scenario, np.ones(1), 0.0, backend, bounds=False)
         return camera
 
@@ -186,34 +188,15 @@ class EventCamera:
         ]
 
     def _packet(self, stamp_ns: int, events: PixelEvents) -> EventPacket:
-        records = make_events(
-            times_ns=events.t,
-            pixels=events.pixel,
-            polarities=events.polarity,
-            signs=events.sign,
+        records = records_of(
+            events,
             width=max(1, self._shape[1]),
             stamp_ns=stamp_ns,
             first_index=self._index,
+            compiled=self._compiled,
         )
-        if events.noise is not None:
-            records = labelled_records(records, events.noise)
         self._index += len(events)
         return EventPacket(stamp_ns=stamp_ns, events=records)
-
-
-def labelled_records(records: NDArray[np.void], noise: NDArray[np.int8]) -> NDArray[np.void]:
-    """Records of `LABELLED_EVENT_DTYPE` from unlabelled ones.
-
-    Parameters
-    ----------
-    records
-        Records of `EVENT_DTYPE`, shape (E,).
-    noise
-        1 for noise, 0 for signal, shape (E,).
-    """
-    octets = np.array(records.view(np.uint8).reshape(-1, LABELLED_EVENT_DTYPE.itemsize))
-    octets[:, LABELLED_EVENT_DTYPE.fields['noise'][1]] = noise  # type: ignore[index]
-    return octets.reshape(-1).view(LABELLED_EVENT_DTYPE)
 
 
 def photoreceptor_of_scenario(scenario: Scenario, darkest: float = 0.0) -> Photoreceptor:

@@ -15,11 +15,12 @@ from std_msgs.msg import Int16MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.event_packet import pack_event_packet
+from dvs_event_camera.event_records import without_labels
 from dvs_event_camera.image_source import LuminosityFrame, luminosity_of, parse_compressed
 from dvs_event_camera.renderer import EventRenderer
 from dvs_interfaces import topics
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import EVENT_DTYPE, EventPacket, pack_events
+from dvs_interfaces.events import EventPacket, pack_events
 from dvs_interfaces.managed_node import ManagedNode
 from dvs_interfaces.messages import pack_image, parse_image
 from dvs_interfaces.parameters import CAMERA
@@ -119,7 +120,8 @@ class EventCameraNode(ManagedNode):
             self._draw(exposure, frame.stamp_ns)
 
     def _publish(self, packet: EventPacket) -> None:
-        self._events.publish(pack_events(_unlabelled(packet)))
+        plain = EventPacket(stamp_ns=packet.stamp_ns, events=without_labels(packet.events))
+        self._events.publish(pack_events(plain))
         if self._labels is not None:
             self._labels.publish(pack_events(packet))
         if self._polarity_wanted:
@@ -207,14 +209,6 @@ class EventCameraNode(ManagedNode):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-
-
-def _unlabelled(packet: EventPacket) -> EventPacket:
-    if packet.events.dtype == EVENT_DTYPE:
-        return packet
-    octets = packet.events.view(np.uint8).reshape(-1, EVENT_DTYPE.itemsize).copy()
-    octets[:, 14] = 0
-    return EventPacket(stamp_ns=packet.stamp_ns, events=octets.reshape(-1).view(EVENT_DTYPE))
 
 
 def _net_polarity(packet: EventPacket, shape: tuple[int, int]) -> Int16MultiArray:

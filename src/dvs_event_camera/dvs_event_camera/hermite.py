@@ -32,8 +32,8 @@ class HermiteComparator(NumpyComparator):
 
     def __init__(self, levels: FloatArray, origin: FloatArray, step: float) -> None:
         super().__init__(levels, origin, step)
-        self._older = levels.copy()
-        self._oldest = levels.copy()
+        self._older = self._previous.copy()
+        self._oldest = self._previous.copy()
         self._durations: list[int] = []
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
@@ -41,25 +41,25 @@ class HermiteComparator(NumpyComparator):
         super().begin(start_ns, duration_ns)
         self._durations = [duration_ns, *self._durations[:2]]
 
-    def _crossings(self, previous: FloatArray, levels: FloatArray, first_pixel: int) -> RawEvents:
-        tile = slice(first_pixel, first_pixel + levels.size)
-        origin, counts = self._origin[tile], self._counts[tile]
-        older, oldest = self._older[tile], self._oldest[tile]
-        v1 = (levels - origin) / self._step
-        index = np.flatnonzero((v1 >= counts + 1.0) | (v1 <= counts - 1.0))
+    def _crossings(self, previous: FloatArray, current: FloatArray, first_pixel: int) -> RawEvents:
+        tile = slice(first_pixel, first_pixel + current.size)
+        counts, older, oldest = self._counts[tile], self._older[tile], self._oldest[tile]
+        index = np.flatnonzero((current >= counts + 1.0) | (current <= counts - 1.0))
         events = NO_EVENTS
         if index.size:
-            before = counts[index]
-            after = quantise(v1[index], before)
+            start, end, before = previous[index], current[index], counts[index]
+            after = quantise(end, before)
             counts[index] = after
             owner, polarity, threshold = ladder(before, after)
-            start = previous[index]
-            slopes = end_slopes(start, levels[index], older[index], oldest[index], self._durations)
-            target = origin[index][owner] + threshold * self._step - start[owner]
-            rise = (levels[index] - start)[owner]
-            fraction = monotone_cubic_root(rise, slopes[0][owner], slopes[1][owner], target)
+            slopes = end_slopes(start, end, older[index], oldest[index], self._durations)
+            fraction = monotone_cubic_root(
+                (end - start)[owner],
+                slopes[0][owner],
+                slopes[1][owner],
+                threshold - start[owner],
+            )
             events = RawEvents(
-                stamp(fraction, self._duration_ns),
+                stamp(fraction * self._duration_ns, self._duration_ns),
                 index[owner] + first_pixel,
                 polarity,
                 np.ones(owner.size, np.int8),

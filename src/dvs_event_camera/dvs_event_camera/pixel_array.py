@@ -26,7 +26,7 @@ from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
 
 # Pixels worked on at a time, so that their levels stay in the processor's cache.
-_TILE = 16384
+_TILE = 32768
 
 
 class PixelArray:

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Sequence
 
 import rclpy
-from rclpy.exceptions import RCLError
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -42,7 +41,7 @@ def run_plain_node(
     stop = StopSignal()
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, RuntimeError) as error:
+    except RuntimeError as error:
         print(f'cannot start: {" ".join(str(error).split())}', file=sys.stderr)
         return _USAGE_ERROR
     node = make_node()

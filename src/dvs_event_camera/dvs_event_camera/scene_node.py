@@ -175,7 +175,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ParameterError, MessageError) as error:
         print(f'cannot start: {error}', file=sys.stderr)
         return _USAGE_ERROR
-    rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        print(f'cannot start: {" ".join(str(error).split())}', file=sys.stderr)
+        return _USAGE_ERROR
     node = rclpy.create_node('scene')
     try:
         publish_frames(node, frames, options, stop)

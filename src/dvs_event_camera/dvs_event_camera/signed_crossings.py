@@ -108,7 +108,7 @@ class _Interval:
         owner, polarity, threshold = ladder(before, after)
         magnitude = np.exp(self._origin[owner] + threshold * self._step)
         return RawEvents(
-            stamp(self._fraction(owner, magnitude, signs[owner]), self._duration_ns),
+            self._stamps(owner, magnitude, signs[owner]),
             index[owner],
             polarity,
             signs[owner],
@@ -118,10 +118,7 @@ class _Interval:
         self, owner: NDArray[np.int64], old_signs: SignArray, index: NDArray[np.int64]
     ) -> RawEvents:
         """The pair of events with which each pixel of `owner` changes sign."""
-        elapsed = stamp(
-            self._fraction(owner, np.full(owner.size, self._band), -old_signs[owner]),
-            self._duration_ns,
-        )
+        elapsed = self._stamps(owner, np.full(owner.size, self._band), -old_signs[owner])
         signs = old_signs[owner]
         return RawEvents(
             np.concatenate([elapsed, elapsed]),
@@ -130,15 +127,16 @@ class _Interval:
             np.concatenate([signs, -signs]),
         )
 
-    def _fraction(
+    def _stamps(
         self, owner: NDArray[np.int64], magnitude: FloatArray, signs: SignArray
-    ) -> FloatArray:
-        """When the luminosity reaches ``signs * magnitude``, as a fraction of the interval."""
+    ) -> NDArray[np.int64]:
+        """When the luminosity reaches ``signs * magnitude``, ns from the start."""
         y0, y1 = self._y0[owner], self._y1[owner]
         linear = (signs * magnitude - y0) / np.where(y1 == y0, 1.0, y1 - y0)
         l0, l1 = (np.log(np.maximum(np.abs(y), self._band)) for y in (y0, y1))
         logarithmic = (np.log(magnitude) - l0) / np.where(l1 == l0, 1.0, l1 - l0)
-        return np.where(self._linear[owner], linear, logarithmic)
+        fraction = np.where(self._linear[owner], linear, logarithmic)
+        return stamp(fraction * self._duration_ns, self._duration_ns)
 
 
 class SignedComparator:

@@ -1,0 +1,94 @@
+"""Events as the records of the wire contract."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_event_camera.pixel_events import PixelEvents
+from dvs_interfaces.events import EVENT_DTYPE, LABELLED_EVENT_DTYPE, make_events
+
+# Events from which the compiled packer pays.
+_WORTH_COMPILING = 4096
+_NOISE_OFFSET = 14
+
+
+def records_of(
+    events: PixelEvents, *, width: int, stamp_ns: int, first_index: int, compiled: bool
+) -> NDArray[np.void]:
+    """Records of `EVENT_DTYPE`, or of `LABELLED_EVENT_DTYPE` if the events are labelled.
+
+    Parameters
+    ----------
+    events
+        Events of one packet, shape (E,).
+    width
+        Columns of the pixel array.
+    stamp_ns
+        Stamp of the packet, ns.
+    first_index
+        Running number of the first event.
+    compiled
+        Whether numba may be used for many events; the records are the same.
+    """
+    if compiled and len(events) >= _WORTH_COMPILING:
+        words = np.empty((len(events), 2), np.uint64)
+        importlib.import_module('dvs_event_camera.crossings_numba').pack_records(
+            events.t,
+            events.pixel,
+            events.polarity,
+            events.sign,
+            width,
+            stamp_ns,
+            first_index,
+            words,
+        )
+        records = words.reshape(-1).view(EVENT_DTYPE)
+    else:
+        records = make_events(
+            times_ns=events.t,
+            pixels=events.pixel,
+            polarities=events.polarity,
+            signs=events.sign,
+            width=width,
+            stamp_ns=stamp_ns,
+            first_index=first_index,
+        )
+    return records if events.noise is None else _labelled(records, events.noise)
+
+
+def may_compile(backend: str) -> bool:
+    """Whether numba may be used.
+
+    Parameters
+    ----------
+    backend
+        `auto`, `numba` or `numpy`.
+    """
+    return backend != 'numpy' and importlib.util.find_spec('numba') is not None
+
+
+def without_labels(records: NDArray[np.void]) -> NDArray[np.void]:
+    """Records of `EVENT_DTYPE` from labelled ones.
+
+    Parameters
+    ----------
+    records
+        Records of `LABELLED_EVENT_DTYPE` or `EVENT_DTYPE`, shape (E,).
+    """
+    if records.dtype == EVENT_DTYPE:
+        return records
+    return _with_noise(records, np.int8(0)).view(EVENT_DTYPE)
+
+
+def _labelled(records: NDArray[np.void], noise: NDArray[np.int8]) -> NDArray[np.void]:
+    return _with_noise(records, noise).view(LABELLED_EVENT_DTYPE)
+
+
+def _with_noise(records: NDArray[np.void], noise: NDArray[np.int8] | np.int8) -> NDArray[np.uint8]:
+    octets = np.array(records.view(np.uint8)).reshape(-1, EVENT_DTYPE.itemsize)
+    octets[:, _NOISE_OFFSET] = noise
+    return octets.reshape(-1)

@@ -1,0 +1,220 @@
+"""The nodes as real processes over real DDS."""
+
+import math
+import signal
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Int16MultiArray, String
+
+from dvs_event_camera.event_packet import pack_event_packet, parse_event_packet
+from dvs_interfaces import topics
+from dvs_interfaces.events import EventPacket, make_events, parse_events
+from dvs_interfaces.messages import pack_image, parse_image
+
+MS = 1_000_000
+CAMERA = 'event_camera_node'
+
+
+def feed(graph, heard, publisher, messages):
+    """Publish messages one by one, each when the camera has answered the last."""
+    graph.turn_until(lambda: publisher.get_subscription_count() > 0)
+    for message in messages:
+        before = len(heard)
+        publisher.publish(message)
+        graph.turn_until(lambda before=before: len(heard) > before)
+
+
+def luminosities():
+    rng = np.random.default_rng(0)
+    level = np.zeros((2, 3))
+    for k in range(12):
+        yield pack_image(k * MS, np.exp(level), '64FC1')
+        level += rng.normal(0, 0.15, (2, 3))
+
+
+def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
+    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    keyframes = graph.hear(Image, 'keyframe', topics.latched_qos(1))
+    publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
+    runs = []
+    for _ in range(2):
+        camera = graph.start(CAMERA, event_threshold=0.1, keyframe_period=0.005)
+        heard.clear()
+        messages = list(luminosities())
+        feed(graph, heard, publisher, messages)
+        publisher.publish(messages[-1])  # sent again: no answer
+        graph.turn_for(0.3)
+        code, _, err = camera.stop()
+        assert code == 0, err
+        assert 'Traceback' not in err
+        runs.append([bytes(message) for message in heard])
+        graph.turn_until(lambda: publisher.get_subscription_count() == 0)
+    assert runs[0] == runs[1]
+    packets = [parse_events(message) for message in runs[0]]
+    assert [packet.stamp_ns for packet in packets] == [k * MS for k in range(12)]
+    events = np.concatenate([packet.events for packet in packets])
+    assert events['index'].tolist() == list(range(len(events)))
+    net = np.zeros((2, 3), int)
+    np.add.at(net, (events['y'], events['x']), events['polarity'])
+    last = parse_image(bytes(messages[-1]))
+    change = np.log(np.frombuffer(last.data, '<f8').reshape(2, 3))
+    assert np.all(np.abs(change - net * 0.1) < 0.1 + 1e-9)
+    frames = [parse_image(bytes(message)) for message in keyframes]
+    assert [frame.stamp_ns for frame in frames[:3]] == [0, 5 * MS, 10 * MS]
+    assert frames[0].encoding == '32SC1'
+    until = np.concatenate([packet.events for packet in packets[:11]])
+    sums = np.zeros((2, 3), int)
+    np.add.at(sums, (until['y'], until['x']), until['polarity'])
+    assert np.array_equal(np.frombuffer(frames[2].data, '<i4').reshape(2, 3), sums)
+
+
+def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(graph):
+    camera = graph.start(
+        CAMERA, stub=True, event_threshold=0.3, display_rate=1000.0, label_noise='true'
+    )
+    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
+    grey = np.full((4, 5), 100, np.uint8)
+    feed(graph, heard, publisher, [pack_image(0, grey, 'mono8')])
+    pictures = graph.hear(Image, 'event_image', topics.stream_qos())
+    sums = graph.hear(Int16MultiArray, 'polarity', topics.stream_qos(), raw=False)
+    packets = graph.hear(String, 'events_packet', topics.stream_qos())
+    labels = graph.hear(PointCloud2, 'events_label', topics.stream_qos())
+    diagnostics = graph.hear(DiagnosticArray, '/diagnostics', topics.stream_qos(), raw=False)
+    stamp = 0
+
+    def brighter():
+        nonlocal stamp
+        stamp += MS
+        grey[1, 2] = 100 if grey[1, 2] == 200 else 200
+        publisher.publish(pack_image(stamp, grey, 'mono8'))
+
+    graph.turn_until(lambda: len(pictures) > 3 and sums and packets and labels, act=brighter)
+    picture = parse_image(bytes(pictures[-1]))
+    assert (picture.encoding, picture.height, picture.width) == ('bgr8', 4, 5)
+    lit = np.frombuffer(picture.data, np.uint8).reshape(4, 5, 3)
+    assert np.argwhere(np.ptp(lit.astype(int), axis=2) > 60).tolist() == [[1, 2]]
+    assert [dim.size for dim in sums[-1].layout.dim] == [4, 5]
+    assert np.flatnonzero(sums[-1].data).tolist() == [7]
+    packet, _ = parse_event_packet(bytes(packets[-1]))
+    assert set(zip(packet.events['x'], packet.events['y'], strict=True)) == {(2, 1)}
+    assert 'noise' in parse_events(bytes(labels[-1])).events.dtype.names
+
+    # Junk is refused, another size starts the sensor again, and both are told.
+    publisher.publish(pack_image(stamp + MS, np.zeros((4, 5, 2), np.uint8), 'yuv422'))
+    publisher.publish(b'\x00\x01\x00\x00 rubbish')
+    publisher.publish(pack_image(stamp + MS, np.full((2, 2), 50, np.uint8), 'mono8'))
+
+    def told():
+        values = {v.key: v.value for m in diagnostics for s in m.status for v in s.values}
+        return values.get('restarts') == '1' and values.get('messages refused') == '2'
+
+    graph.turn_until(told)
+    code, _, err = camera.stop(signal.SIGTERM)
+    assert code == 0, err
+    assert 'from 4 x 5 to 2 x 2' in err
+    assert 'yuv422' in err
+    assert 'Traceback' not in err
+
+
+def test_start_that_violates_a1_ends_with_one_clear_message(graph):
+    camera = graph.start(CAMERA, reference_uncertainty=0.5)
+    publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
+    graph.turn_until(lambda: publisher.get_subscription_count() > 0)
+    publisher.publish(pack_image(0, np.array([[10.0, 1.0]]), '64FC1'))
+    code, _, err = camera.wait()
+    assert code == 2, err
+    assert 'pixel 1' in err
+    assert 'Traceback' not in err
+
+
+def test_wrong_combination_ends_with_one_clear_message(graph):
+    code, _, err = graph.start(CAMERA, photoreceptor='signed_log', jitter=0.001).wait()
+    assert code == 2, err
+    assert 'no real sensor' in err
+    assert 'Traceback' not in err
+
+
+def test_scene_to_camera_to_table(graph, tmp_path):
+    table = tmp_path / 'events.csv'
+    camera = graph.start(CAMERA, mode='realtime', event_threshold=0.2)
+    show = graph.start('show_events', '--csv', str(table), '--limit', '500')
+    scene = graph.start('scene_node', 'grating', '--size', '8x16', '--encoding', 'mono8')
+    code, _, err = show.wait()
+    assert code == 0, err
+    assert '500 events' in err or 'events in' in err
+    assert scene.stop()[0] == 0
+    assert camera.stop()[0] == 0
+    columns = np.loadtxt(table, delimiter=',', skiprows=1, dtype=np.int64)
+    assert columns.shape == (500, 4)
+    assert columns[:, 0].max() <= 15
+    assert columns[:, 1].max() <= 7
+    assert np.all(np.diff(columns[:, 2]) >= 0)
+    assert set(columns[:, 3]) == {-1, 1}
+
+
+def test_bridge_takes_a_drivers_packets(graph):
+    bridge = graph.start('packet_bridge_node', stub=True)
+    heard = graph.hear(PointCloud2, 'events', topics.stream_qos())
+    publisher = graph.node.create_publisher(String, 'events_packet', topics.stream_qos())
+    graph.turn_until(lambda: publisher.get_subscription_count() > 0)
+    graph.turn_until(lambda: graph.node.count_publishers('events') > 0)
+    graph.turn_for(0.3)
+    for sequence in (0, 1, 5):
+        stamp = 10**18 + sequence * MS
+        events = make_events(
+            times_ns=np.array([stamp - 5, stamp]),
+            pixels=np.array([3, 4]),
+            polarities=np.array([1, -1], np.int8),
+            signs=np.ones(2, np.int8),
+            width=3,
+            stamp_ns=stamp,
+            first_index=0,
+        )
+        packet = EventPacket(stamp_ns=stamp, events=events)
+        publisher.publish(pack_event_packet(packet, height=2, width=3, sequence=sequence))
+    publisher.publish(b'\x00\x01\x00\x00 rubbish')
+    graph.turn_until(lambda: len(heard) == 3)
+    packets = [parse_events(bytes(message)) for message in heard]
+    assert [packet.stamp_ns - 10**18 for packet in packets] == [0, MS, 5 * MS]
+    index = np.concatenate([packet.events['index'] for packet in packets])
+    assert index.tolist() == [0, 1, 2, 3, 5, 6]  # the loss before number 5 is a gap
+    assert packets[0].events['polarity'].tolist() == [1, -1]
+    code, _, err = bridge.stop()
+    assert code == 0, err
+    assert '3 packets lost' in err
+    assert 'Traceback' not in err
+
+
+def test_bridge_without_the_message_package_says_so(graph):
+    code, _, err = graph.start('packet_bridge_node').wait()
+    assert code == 2, err
+    assert 'event_camera_msgs' in err
+    assert err.count('\n') == 1
+
+
+@pytest.mark.parametrize('arguments', [['--size', 'big'], ['no_such_scene'], ['--rate', '0']])
+def test_scene_refuses_what_makes_no_sense(graph, arguments):
+    code, _, err = graph.start('scene_node', *arguments).wait()
+    assert code == 2, err
+    assert err.startswith('cannot start: ')
+    assert 'Traceback' not in err
+
+
+def test_black_pixels_of_a_float_image_hold_and_are_said_once(graph):
+    camera = graph.start(CAMERA, event_threshold=0.1)
+    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
+    frames = [[1.0, 1.0], [-1.0, 1.0], [math.nan, 1.0], [1.0, 1.0]]
+    messages = [pack_image(k * MS, np.array([y]), '64FC1') for k, y in enumerate(frames)]
+    feed(graph, heard, publisher, messages)
+    assert all(len(parse_events(bytes(message)).events) == 0 for message in heard)
+    code, _, err = camera.stop()
+    assert code == 0, err
+    assert err.count('without a logarithm') == 1

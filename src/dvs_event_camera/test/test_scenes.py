@@ -1,0 +1,66 @@
+"""Test scenes: range, motion, files."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from dvs_event_camera.pixel_array import PixelArray
+from dvs_event_camera.scenes import SCENES, Scene, recorded_frames, synthetic_frames
+from dvs_interfaces.errors import ParameterError
+
+SCENE = Scene(height=24, width=32, speed=100.0, frequency=5.0, period=16.0)
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_scene_stays_in_range_and_makes_events_of_both_polarities(name):
+    frames = list(itertools.islice(synthetic_frames(name, SCENE, 5_000_000), 80))
+    assert all(frame.shape == (24, 32) for frame in frames)
+    assert min(frame.min() for frame in frames) >= 20.0
+    assert max(frame.max() for frame in frames) <= 200.0
+    array = PixelArray(event_threshold=0.2)
+    polarity = np.concatenate(
+        [array.update(k * 5_000_000, frame).polarity for k, frame in enumerate(frames)]
+    )
+    assert {-1, 1} == set(polarity.tolist())
+    assert 0.2 < np.mean(polarity > 0) < 0.8
+
+
+def test_grating_drifts_by_its_speed():
+    assert np.allclose(SCENE.grating(0.02)[:, 2:], SCENE.grating(0.0)[:, :-2])
+
+
+def test_disc_turns_by_its_frequency():
+    assert np.allclose(
+        SCENE.disc(0.0), SCENE.disc(0.05), atol=1e-9
+    )  # a quarter turn, four sectors
+
+
+def test_flicker_is_a_sinusoid_of_the_logarithm():
+    level = np.log([SCENE.flicker(t)[0, 0] for t in (0.0, 0.05, 0.1)])
+    assert level[1] == pytest.approx((level[0] + level[2]) / 2)
+
+
+def test_folder_of_pictures(tmp_path):
+    image = pytest.importorskip('PIL.Image')
+    for number in range(3):
+        pixels = np.full((4, 5), 10 * number, np.uint8)
+        image.fromarray(pixels).save(tmp_path / f'frame_{number}.png')
+    frames = list(recorded_frames(tmp_path))
+    assert [frame[0, 0] for frame in frames] == [0, 10, 20]
+    assert frames[0].shape == (4, 5)
+
+
+def test_source_that_is_none(tmp_path):
+    with pytest.raises(ParameterError, match='no pictures'):
+        recorded_frames(tmp_path)
+    with pytest.raises(ParameterError, match='grating'):
+        recorded_frames(tmp_path / 'nothing')
+
+
+@pytest.mark.parametrize(
+    'changes', [{'dark': 0.0}, {'dark': 300.0}, {'height': 0}, {'period': 0.0}, {'speed': np.nan}]
+)
+def test_measures_are_checked(changes):
+    with pytest.raises(ParameterError):
+        Scene(**changes)

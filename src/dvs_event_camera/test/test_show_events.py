@@ -1,0 +1,139 @@
+"""The table of events, its files and its statistics, from a bag."""
+
+import csv
+import math
+import re
+
+import numpy as np
+import pytest
+
+from dvs_event_camera import show_events
+from dvs_event_camera.event_packet import pack_event_packet
+from dvs_event_camera.stream_statistics import StreamStatistics
+from dvs_interfaces.events import EventPacket, make_events, pack_events
+
+rosbag2 = pytest.importorskip('rosbags.rosbag2')
+
+MS = 1_000_000
+START = 1_700_000_000_000_000_000
+
+
+def packets():
+    rng = np.random.default_rng(0)
+    index = 0
+    for k in range(1, 6):
+        count = int(rng.integers(1, 6))
+        stamp = START + k * MS
+        yield EventPacket(
+            stamp_ns=stamp,
+            events=make_events(
+                times_ns=np.sort(rng.integers(stamp - MS + 1, stamp + 1, count)),
+                pixels=rng.integers(0, 12, count),
+                polarities=rng.choice(np.array([-1, 1], np.int8), count),
+                signs=np.ones(count, np.int8),
+                width=4,
+                stamp_ns=stamp,
+                first_index=index,
+            ),
+        )
+        index += count
+
+
+def rows():
+    return [
+        (int(e['x']), int(e['y']), p.stamp_ns + int(e['t']), int(e['polarity']))
+        for p in packets()
+        for e in p.events
+    ]
+
+
+@pytest.fixture(params=['PointCloud2', 'EventPacket'])
+def bag(request, tmp_path):
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    definition = (
+        'std_msgs/Header header\nuint32 height\nuint32 width\nuint64 seq\nuint64 time_base\n'
+        'string encoding\nbool is_bigendian\nuint8[] events\n'
+    )
+    store.register(get_types_from_msg(definition, 'event_camera_msgs/msg/EventPacket'))
+    clouds = request.param == 'PointCloud2'
+    kind = 'sensor_msgs/msg/PointCloud2' if clouds else 'event_camera_msgs/msg/EventPacket'
+    path = tmp_path / 'bag'
+    with rosbag2.Writer(path, version=9) as writer:
+        connection = writer.add_connection('/robot/events', kind, typestore=store)
+        other = writer.add_connection('/robot/other', 'std_msgs/msg/String', typestore=store)
+        writer.write(other, START, b'\x00\x01\x00\x00\x01\x00\x00\x00\x00')
+        for number, packet in enumerate(packets()):
+            message = (
+                pack_events(packet)
+                if clouds
+                else pack_event_packet(packet, height=3, width=4, sequence=number)
+            )
+            writer.write(connection, packet.stamp_ns + 2 * MS, message)
+    return path
+
+
+def test_table(bag, capsys):
+    assert show_events.main(['show_events', str(bag)]) == 0
+    out, err = capsys.readouterr()
+    lines = [tuple(map(int, line.split())) for line in out.splitlines()[1:]]
+    assert out.split('\n')[0].split() == ['x', 'y', 't', 'p']
+    assert sorted(lines) == sorted(rows())
+    assert [line[2] for line in lines] == sorted(line[2] for line in lines)
+    assert re.search(rf'5 packets, {len(rows())} events .* Mev/s, .* ON, 0 lost, 0 out of', err)
+
+
+def test_csv_and_npz(bag, tmp_path, capsys):
+    table, archive = tmp_path / 'events.csv', tmp_path / 'events.npz'
+    arguments = ['show_events', str(bag), '--csv', str(table), '--npz', str(archive)]
+    assert show_events.main(arguments) == 0
+    assert capsys.readouterr().out == ''
+    with table.open(newline='') as stream:
+        head, *lines = csv.reader(stream)
+    assert head == ['x', 'y', 't', 'p']
+    assert sorted(tuple(map(int, line)) for line in lines) == sorted(rows())
+    with np.load(archive) as found:
+        columns = [found[name] for name in 'xytp']
+    assert [column.dtype.str[1:] for column in columns] == ['u2', 'u2', 'i8', 'i1']
+    assert sorted(zip(*(c.tolist() for c in columns), strict=True)) == sorted(rows())
+
+
+def test_limits(bag, capsys):
+    show_events.main(['show_events', str(bag), '--limit', '3'])
+    assert len(capsys.readouterr().out.splitlines()) == 4
+    show_events.main(['show_events', str(bag), '--seconds', '0.0015'])
+    times = [int(line.split()[2]) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert max(times) <= START + 2 * MS
+
+
+@pytest.mark.parametrize(
+    'arguments', [['/nowhere'], ['BAG', '--topic', 'other'], ['BAG', '--csv', '/nowhere/e.csv']]
+)
+def test_what_is_wrong_is_said_in_one_line(arguments, bag, capsys):
+    arguments = [str(bag) if a == 'BAG' else a for a in arguments]
+    assert show_events.main(['show_events', *arguments]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith('show_events: ')
+    assert err.count('\n') == 1
+
+
+def test_statistics_count_losses_and_disorder():
+    statistics = StreamStatistics()
+    found = list(packets())
+    received = [p.stamp_ns * 1e-9 + 0.004 + 0.001 * (k % 2) for k, p in enumerate(found)]
+    for k, packet in enumerate(found):
+        if k != 2:
+            statistics.add(packet, received[k])
+    report = statistics.report()
+    assert report.messages == 4
+    assert report.lost_events == len(found[2].events)
+    assert report.unordered_events == 0
+    assert report.delay_s == pytest.approx(0.0045, abs=6e-4)
+    statistics.add(found[0], received[4])
+    assert statistics.report().unordered_events >= 1
+
+
+def test_empty_stream_has_a_line_too():
+    assert '0 events' in str(StreamStatistics().report())
+    assert math.isnan(StreamStatistics().report().delay_s)
