@@ -20,6 +20,7 @@ setup(
     entry_points={
         'console_scripts': [
             'plant_sim = dvs_plant_sim.plant_sim_node:main',
+            'pendulum_sim = dvs_plant_sim.pendulum_sim_node:main',
         ],
     },
 )
