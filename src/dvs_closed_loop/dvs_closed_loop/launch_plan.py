@@ -105,12 +105,12 @@ ARGUMENTS = (
     LaunchArgument(
         name='mode',
         choices=('', *SCHEMA['mode'].choices),
-        description='Instead of the scenario\'s mode',
+        description="Instead of the scenario's mode",
     ),
     LaunchArgument(
         name='method',
         choices=('', *SCHEMA['method'].choices),
-        description='Instead of the scenario\'s synthesis method',
+        description="Instead of the scenario's synthesis method",
     ),
     LaunchArgument(
         name='elsewhere',

@@ -15,7 +15,9 @@ def _start(context: LaunchContext) -> list:
         actions.append(ExecuteProcess(cmd=list(plan.recorder), output='screen'))
     if plan.viewer:
         actions.append(node_action(plan.viewer))
-    actions.append(node_action(plan.plant, on_exit=[Shutdown(reason='the run of the plant ended')]))
+    actions.append(
+        node_action(plan.plant, on_exit=[Shutdown(reason='the run of the plant ended')])
+    )
     return actions
 
 

@@ -49,7 +49,7 @@ def test_composed_is_one_process_of_the_linear_plant_alone():
     assert plan.executable == 'composed_loop'
     assert plan.options == ('--plant-waits',)
     assert plan.namespace == '/left'
-    with pytest.raises(ParameterError, match='plant_executable = .*: can not share a process'):
+    with pytest.raises(ParameterError, match=r'plant_executable = .*: can not share a process'):
         plan_of(PENDULUM, composed=True)
     with pytest.raises(ParameterError, match='excludes --composed'):
         plan_of(MIRROR, composed=True, elsewhere=('event_camera',))
@@ -63,7 +63,12 @@ def test_a_plant_is_named_by_package_and_executable(name):
 
 def test_a_launch_starts_what_closed_loop_starts():
     plan = launch_plan(
-        {'scenario': str(PENDULUM), 'namespace': 'left', 'mode': 'realtime', 'method': 'structured'}
+        {
+            'scenario': str(PENDULUM),
+            'namespace': 'left',
+            'mode': 'realtime',
+            'method': 'structured',
+        }
     )
     wanted = plan_of(
         PENDULUM, namespace='left', parameters=given(mode='realtime', method='structured')
@@ -84,7 +89,10 @@ def test_every_scenario_can_be_launched_by_name():
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        ({'scenario': 'nowhere'}, 'scenario = nowhere: must be a parameter file or one of .*pendu'),
+        (
+            {'scenario': 'nowhere'},
+            'scenario = nowhere: must be a parameter file or one of .*pendu',
+        ),
         ({'mode': 'fast'}, 'mode = fast: must be one of lockstep, realtime$'),
         ({'viewer': 'xterm'}, 'viewer = xterm: must be one of none, rqt, plotjuggler, foxglove'),
         ({'namespace': 'a b'}, 'namespace = a b: '),

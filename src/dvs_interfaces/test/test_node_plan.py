@@ -18,7 +18,7 @@ def test_a_namespace_becomes_absolute(given, wanted):
 
 @pytest.mark.parametrize('given', ['1x', 'a//b', 'a/', 'a b', '~a', 'a-b', '/a/2'])
 def test_what_is_no_name_is_refused(given):
-    with pytest.raises(ParameterError, match='^namespace = '):
+    with pytest.raises(ParameterError, match=r'^namespace = '):
         checked_namespace(given)
 
 

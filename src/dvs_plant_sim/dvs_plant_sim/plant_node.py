@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from sensor_msgs.msg import Image, JointState
@@ -41,7 +41,7 @@ class PlantNode(ManagedNode):
     own_parameters: ClassVar[Sequence[ParameterSpec]] = ()
     plant: Dynamics
 
-    def __init__(self, **node_arguments: object) -> None:
+    def __init__(self, **node_arguments: Any) -> None:
         super().__init__(PLANT, own_parameters=self.own_parameters, **node_arguments)
 
     # -- what a subclass implements -------------------------------------------------------------

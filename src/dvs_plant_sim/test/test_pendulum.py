@@ -82,7 +82,13 @@ def test_a_long_step_is_as_good_as_many_short_ones_and_none_changes_nothing():
 
 @pytest.mark.parametrize(
     ('name', 'value'),
-    [('mass', 0.0), ('length', -1.0), ('gravity', math.inf), ('friction', -0.1), ('mass', math.nan)],
+    [
+        ('mass', 0.0),
+        ('length', -1.0),
+        ('gravity', math.inf),
+        ('friction', -0.1),
+        ('mass', math.nan),
+    ],
 )
 def test_bad_constants_are_named(name, value):
     with pytest.raises(ParameterError, match=rf'^plant\.{name} = '):
