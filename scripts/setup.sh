@@ -104,7 +104,7 @@ fi
 
 enter_ros
 manifests=("$root"/src/*/package.xml "$root"/src/*/setup.py "$root"/src/*/setup.cfg)
-wanted=$(checksum "${manifests[@]}" <(find "$root/src" -path '*/launch/*' -o -path '*/resource/*'))
+wanted=$(checksum "${manifests[@]}" <(find "$root/src" -path '*/launch/*' -o -path '*/resource/*') <(ls "$root/config"))
 if ! is_current "$root/install/.dvs" "$wanted"; then
     echo "building the workspace ..."
     if ! (cd "$root" && colcon --log-base log build --symlink-install) >"$log" 2>&1; then

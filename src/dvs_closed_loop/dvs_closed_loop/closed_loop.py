@@ -6,7 +6,7 @@ import argparse
 import shutil
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
 
 from dvs_closed_loop.figure import save_figure
+from dvs_closed_loop.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.processes import NodeProcess
 from dvs_closed_loop.recording import BagWriter
 from dvs_closed_loop.run_recorder import MESSAGE_TYPES, RunRecorder, type_name
@@ -28,6 +29,7 @@ from dvs_hinf_controller.design import design_from_scenario
 from dvs_interfaces import topics
 from dvs_interfaces.errors import SuiteError
 from dvs_interfaces.messages import parse_command
+from dvs_interfaces.node_plan import NodePlan
 from dvs_interfaces.scenario import Scenario, load_scenario
 from dvs_interfaces.spin import StopSignal
 
@@ -35,12 +37,6 @@ _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
 _SETTLE_S = 0.3
 _DRAIN_S = 0.3
-_NODES = (
-    ('dvs_event_camera', 'event_camera'),
-    ('dvs_hinf_controller', 'hinf_controller'),
-    ('dvs_plant_sim', 'plant_sim'),
-)
-_COMPOSED = (('dvs_closed_loop', 'composed_loop'),)
 
 
 class LoopError(SuiteError):
@@ -74,28 +70,13 @@ class LoopRunner:
     ----------
     scenario
         Checked parameters.
-    parameter_file
-        File with those parameters, which the nodes read themselves.
-    overrides
-        Parameters that differ from the file.
-    composed
-        Whether the three nodes share one process.
+    plans
+        What to start; the plant is the last and waits to be activated.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        parameter_file: Path,
-        overrides: dict[str, object],
-        *,
-        composed: bool,
-    ) -> None:
+    def __init__(self, scenario: Scenario, plans: Sequence[NodePlan]) -> None:
         self._scenario = scenario
-        self._arguments = ['--ros-args', '--params-file', str(parameter_file)]
-        for name, value in overrides.items():
-            self._arguments += ['-p', f'{name}:={value}']
-        self._arguments += ['-p', 'plant_sim:autostart:=false']
-        self._programs = _COMPOSED if composed else _NODES
+        self._plans = plans
         self._processes: list[NodeProcess] = []
 
     def run(self, bag: BagWriter, stop: StopSignal) -> RunRecorder:
@@ -113,13 +94,13 @@ class LoopRunner:
         LoopError
             If a node fails, or the nodes do not find each other in time.
         """
-        node = Node('closed_loop')
+        node = self._observer()
         executor = EventsExecutor()
         executor.add_node(node)
         recorder = RunRecorder(node, self._scenario['mode'], bag)
         try:
-            for package, executable in self._programs:
-                self._processes.append(NodeProcess(package, executable, self._arguments))
+            for plan in self._plans:
+                self._processes.append(NodeProcess(plan))
             self._start_plant(node, executor, recorder, stop)
             self._watch(executor, recorder, stop)
             return recorder
@@ -129,6 +110,12 @@ class LoopRunner:
             executor.remove_node(node)
             executor.shutdown()
             node.destroy_node()
+
+    def _observer(self) -> Node:
+        plan = self._plans[-1]
+        remappings = [part for old, new in plan.remappings for part in ('-r', f'{old}:={new}')]
+        arguments = ['--ros-args', *remappings] if remappings else []
+        return Node('closed_loop', namespace=plan.namespace or None, cli_args=arguments)
 
     def _start_plant(
         self, node: Node, executor: EventsExecutor, recorder: RunRecorder, stop: StopSignal
@@ -233,7 +220,13 @@ def _spin_for(executor: EventsExecutor, seconds: float) -> None:
 
 
 def run_scenario(
-    parameter_file: Path, output: Path, *, duration: float | None, composed: bool
+    parameter_file: Path,
+    output: Path,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    namespace: str = '',
+    elsewhere: Collection[str] = (),
+    composed: bool = False,
 ) -> LoopRun:
     """Run a scenario and write bag, result and figure into `output`.
 
@@ -243,8 +236,12 @@ def run_scenario(
         The scenario.
     output
         Folder for the results of this scenario; a former run's results in it are replaced.
-    duration
-        Simulated seconds instead of the scenario's, or None.
+    parameters
+        Values that differ from the file.
+    namespace
+        Namespace of the whole loop; empty for none.
+    elsewhere
+        Nodes that are started by somebody else, as on another machine.
     composed
         Whether the three nodes share one process.
 
@@ -255,15 +252,24 @@ def run_scenario(
     InterruptedEarly
         If a signal comes before the first command.
     """
-    overrides: dict[str, object] = {} if duration is None else {'duration': float(duration)}
-    scenario = load_scenario(parameter_file).replace(**overrides)
+    parameters = dict(parameters or {})
+    scenario = load_scenario(parameter_file).replace(**parameters)
+    plans = loop_plan(
+        scenario,
+        parameter_file,
+        namespace=namespace,
+        parameters=parameters,
+        elsewhere=elsewhere,
+        composed=composed,
+        plant_waits=True,
+    )
     design = design_from_scenario(scenario)
     output.mkdir(parents=True, exist_ok=True)
     bag_path = output / 'bag'
     if bag_path.exists():
         shutil.rmtree(bag_path)
     stop = StopSignal()
-    runner = LoopRunner(scenario, parameter_file, overrides, composed=composed)
+    runner = LoopRunner(scenario, plans)
     with BagWriter(bag_path, {t: type_name(c) for t, c in MESSAGE_TYPES.items()}) as bag:
         recorder = runner.run(bag, stop)
     if stop.received and not recorder.messages[topics.COMMAND]:
@@ -294,6 +300,16 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
     parser.add_argument('--output', type=Path, default=Path('out'), help='folder of the results')
     parser.add_argument('--duration', type=float, help="simulated seconds, instead of the file's")
+    parser.add_argument('--namespace', default='', help='namespace of the whole loop')
+    parser.add_argument('--mode', help="lockstep or realtime, instead of the file's")
+    parser.add_argument('--method', help="synthesis method, instead of the file's")
+    parser.add_argument(
+        '--elsewhere',
+        nargs='+',
+        default=(),
+        choices=MOVABLE_ROLES,
+        help='nodes that are started by hand, as on another machine',
+    )
     parser.add_argument('--composed', action='store_true', help='three nodes in one process')
     return parser
 
@@ -313,7 +329,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         run = run_scenario(
             options.params_file,
             output,
-            duration=options.duration,
+            parameters=given(duration=options.duration, mode=options.mode, method=options.method),
+            namespace=options.namespace,
+            elsewhere=options.elsewhere,
             composed=options.composed,
         )
     except SuiteError as error:

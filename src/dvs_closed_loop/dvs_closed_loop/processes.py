@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.node_plan import NodePlan
 
 _GRACE_S = 5.0
 
@@ -48,21 +49,17 @@ class NodeProcess:
 
     Parameters
     ----------
-    package
-        Name of the package.
-    executable
-        Name of the executable.
-    arguments
-        Command line after the executable.
+    plan
+        What to start.
     """
 
-    def __init__(self, package: str, executable: str, arguments: Sequence[str]) -> None:
-        self.name = executable
+    def __init__(self, plan: NodePlan) -> None:
+        self.name = plan.executable
         environment = {**os.environ}
         environment.setdefault('RCUTILS_CONSOLE_OUTPUT_FORMAT', '[{name}] {severity}: {message}')
         with _interrupts_ignored():
             self._process = subprocess.Popen(
-                [executable_path(package, executable), *arguments],
+                [executable_path(plan.package, plan.executable), *plan.arguments],
                 env=environment,
                 stdin=subprocess.DEVNULL,
             )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Float64MultiArray
 
@@ -20,7 +22,7 @@ from dvs_interfaces.spin import run_nodes
 class HinfControllerNode(ManagedNode):
     """Takes `events`; publishes `command`, and `estimate` while somebody listens."""
 
-    def __init__(self, **node_arguments: object) -> None:
+    def __init__(self, **node_arguments: Any) -> None:
         super().__init__(CONTROLLER, **node_arguments)
 
     def configure(self, scenario: Scenario) -> None:

@@ -6,7 +6,7 @@ import array
 import math
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -51,6 +51,9 @@ class ManagedNode(LifecycleNode):
     ----------
     executable
         Name of the executable, and of the node unless it is remapped.
+    own_parameters
+        Parameters of an open group of the schema that this node alone knows; None if it does not
+        own the group.
     **node_arguments
         Further arguments of `rclpy.node.Node`.
 
@@ -60,7 +63,13 @@ class ManagedNode(LifecycleNode):
         If a parameter's name is unknown or its value breaks its rule.
     """
 
-    def __init__(self, executable: str, **node_arguments: Any) -> None:
+    def __init__(
+        self,
+        executable: str,
+        *,
+        own_parameters: Sequence[ParameterSpec] | None = None,
+        **node_arguments: Any,
+    ) -> None:
         super().__init__(
             executable, automatically_declare_parameters_from_overrides=True, **node_arguments
         )
@@ -68,7 +77,8 @@ class ManagedNode(LifecycleNode):
         self.rejected_messages = 0
         self.is_active = False
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
-        self._specs = SCHEMA.of_node(executable)
+        self._schema = SCHEMA if own_parameters is None else SCHEMA.closed(own_parameters)
+        self._specs = [*SCHEMA.of_node(executable), *(own_parameters or ())]
         self._foreign = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_change)
 
@@ -281,7 +291,7 @@ class ManagedNode(LifecycleNode):
         for name in overrides:
             self.undeclare_parameter(name)
         overrides = {name: _plain(value) for name, value in overrides.items()}
-        values = SCHEMA.validate(overrides)
+        values = self._schema.validate(overrides)
         for spec in self._specs:
             value = values[spec.name]
             # rclpy can't tell the type of an empty list: such a parameter is declared unset.

@@ -190,6 +190,12 @@ _SENSOR = (
 
 _RUN = (
     ParameterSpec(
+        name='plant_executable',
+        kind=Kind.TEXT,
+        default='dvs_plant_sim/plant_sim',
+        description='Package/executable of the plant node that tools start for this scenario',
+    ),
+    ParameterSpec(
         name='mode',
         kind=Kind.TEXT,
         default='lockstep',
@@ -546,4 +552,10 @@ _CAMERA_EXTRAS = (
     ),
 )
 
-SCHEMA = Schema((*_MODEL, *_SENSOR, *_CAMERA_EXTRAS, *_RUN, *_DISTURBANCE, *_CONTROL))
+# Parameters of a plant other than the linear one: only its own node knows and checks them.
+PLANT_GROUP = 'plant.'
+
+SCHEMA = Schema(
+    (*_MODEL, *_SENSOR, *_CAMERA_EXTRAS, *_RUN, *_DISTURBANCE, *_CONTROL),
+    open_groups=(PLANT_GROUP,),
+)

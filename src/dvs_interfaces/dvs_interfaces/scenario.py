@@ -260,5 +260,16 @@ def _merged_parameters(path: str | Path, document: object) -> dict[str, Any]:
         parameters = body.get('ros__parameters') if isinstance(body, dict) else None
         if not isinstance(parameters, dict):
             raise ParameterError('params-file', path, f'has no ros__parameters under {node}')
-        merged.update(parameters)
+        merged.update(_flattened(parameters))
     return merged
+
+
+def _flattened(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Names of nested groups joined by dots, as ROS reads them."""
+    flat: dict[str, Any] = {}
+    for name, value in parameters.items():
+        if isinstance(value, dict):
+            flat.update({f'{name}.{key}': entry for key, entry in _flattened(value).items()})
+        else:
+            flat[str(name)] = value
+    return flat

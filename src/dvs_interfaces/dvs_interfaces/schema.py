@@ -166,10 +166,13 @@ class Schema(Mapping[str, ParameterSpec]):
     ----------
     specs
         Parameters; names must differ.
+    open_groups
+        Prefixes of names that somebody else knows and checks.
     """
 
-    def __init__(self, specs: Iterable[ParameterSpec]) -> None:
+    def __init__(self, specs: Iterable[ParameterSpec], open_groups: tuple[str, ...] = ()) -> None:
         self._specs: dict[str, ParameterSpec] = {}
+        self._open_groups = open_groups
         for spec in specs:
             if spec.name in self._specs:
                 raise ValueError(f'parameter {spec.name} is listed twice')
@@ -197,8 +200,20 @@ class Schema(Mapping[str, ParameterSpec]):
         """
         return [spec for spec in self._specs.values() if node in spec.nodes]
 
+    def closed(self, specs: Iterable[ParameterSpec]) -> Schema:
+        """Schema of the owner of the open groups: these parameters too, and no others.
+
+        Parameters
+        ----------
+        specs
+            Further parameters.
+        """
+        return Schema((*self._specs.values(), *specs))
+
     def validate(self, values: Mapping[str, Any]) -> dict[str, Value]:
         """Checked values of all parameters, defaults where `values` has none.
+
+        Values of an open group come along as they are.
 
         Parameters
         ----------
@@ -210,12 +225,16 @@ class Schema(Mapping[str, ParameterSpec]):
         ParameterError
             If a name is unknown (with the nearest known one) or a value breaks its rule.
         """
+        foreign: dict[str, Value] = {}
         for name, value in values.items():
-            if name not in self._specs:
+            if name.startswith(self._open_groups):
+                foreign[name] = tuple(value) if isinstance(value, list) else value
+            elif name not in self._specs:
                 near = get_close_matches(name, self._specs, n=1)
                 hint = f'; did you mean {near[0]}?' if near else ''
                 raise ParameterError(name, value, f'is not a parameter of this suite{hint}')
-        return {
+        known = {
             name: spec.validate(values[name]) if name in values else spec.default
             for name, spec in self._specs.items()
         }
+        return {**known, **foreign}

@@ -12,11 +12,14 @@ class Dynamics(Protocol):
 
     The linear `Plant` and the non-linear `Pendulum` are examples. What `advance` does must depend
     on its arguments and the state alone, so that runs can be repeated to the byte.
+
+    Parameters
+    ----------
+    state
+        State x in original coordinates, shape (n,).
     """
 
-    @property
-    def state(self) -> FloatArray:
-        """State x in original coordinates, shape (n,)."""
+    state: FloatArray
 
     def advance(self, duration_ns: int, command: FloatArray) -> None:
         """Move on by `duration_ns` with the input held at `command`.

@@ -25,12 +25,6 @@ class Plant:
         x at time 0, shape (n,).
     period_ns
         Usual step, ns.
-    input_disturbance
-        Standard deviation of Gaussian noise on every input, held for a step.
-    state_disturbance
-        Intensity of a Gaussian random walk added to every state, state/sqrt(s).
-    seed
-        Seed of the disturbances.
 
     Raises
     ------
@@ -38,16 +32,7 @@ class Plant:
         If the initial state has not n finite entries or the period is not positive.
     """
 
-    def __init__(
-        self,
-        model: PlantModel,
-        *,
-        initial_state: FloatArray,
-        period_ns: int,
-        input_disturbance: float = 0.0,
-        state_disturbance: float = 0.0,
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, model: PlantModel, *, initial_state: FloatArray, period_ns: int) -> None:
         state = finite_array('initial_state', initial_state, ndim=1)
         if state.size != model.state_count:
             raise ParameterError(
@@ -59,9 +44,6 @@ class Plant:
         self.state = state
         self._period_ns = period_ns
         self._period_step = _held_input_step(model, period_ns)
-        self._input_disturbance = input_disturbance
-        self._state_disturbance = state_disturbance
-        self._generator = np.random.default_rng(seed)
 
     def advance(self, duration_ns: int, command: FloatArray) -> None:
         """Move on by `duration_ns` with the input held at `command`.
@@ -79,15 +61,7 @@ class Plant:
             transition, gain = self._period_step
         else:
             transition, gain = _held_input_step(self._model, duration_ns)
-        if self._input_disturbance:
-            command = command + self._input_disturbance * self._generator.standard_normal(
-                command.size
-            )
-        state = transition @ self.state + gain @ command
-        if self._state_disturbance:
-            spread = self._state_disturbance * np.sqrt(duration_ns * _NANOSECOND_S)
-            state = state + spread * self._generator.standard_normal(state.size)
-        self.state = state
+        self.state = transition @ self.state + gain @ command
 
 
 def _held_input_step(model: PlantModel, duration_ns: int) -> tuple[FloatArray, FloatArray]:

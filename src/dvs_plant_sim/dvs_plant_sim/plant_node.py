@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
 import numpy as np
 from sensor_msgs.msg import Image, JointState
 
@@ -12,6 +15,8 @@ from dvs_interfaces.messages import Vector, pack_image, pack_state, parse_comman
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.parameters import PLANT
 from dvs_interfaces.scenario import Scenario
+from dvs_interfaces.schema import ParameterSpec
+from dvs_plant_sim.disturbance import DisturbedPlant
 from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.lockstep_node import LockstepDriver
 from dvs_plant_sim.realtime_node import RealtimeDriver
@@ -23,7 +28,8 @@ class PlantNode(ManagedNode):
     """Publishes `luminosity`, `state` and `/clock`; takes `command`.
 
     A subclass implements `make_plant`, and `luminosity` if its scene is not the affine one of the
-    scenario. The node is called `plant_sim` whatever its executable, so that tools find it.
+    scenario; parameters of its own it lists in `own_parameters`. The node is called `plant_sim`
+    whatever its executable, so that tools find it.
 
     Parameters
     ----------
@@ -31,10 +37,12 @@ class PlantNode(ManagedNode):
         Further arguments of `rclpy.node.Node`.
     """
 
+    # Parameters that only this plant knows; their names begin with PLANT_GROUP.
+    own_parameters: ClassVar[Sequence[ParameterSpec]] = ()
     plant: Dynamics
 
-    def __init__(self, **node_arguments: object) -> None:
-        super().__init__(PLANT, **node_arguments)
+    def __init__(self, **node_arguments: Any) -> None:
+        super().__init__(PLANT, own_parameters=self.own_parameters, **node_arguments)
 
     # -- what a subclass implements -------------------------------------------------------------
 
@@ -73,7 +81,7 @@ class PlantNode(ManagedNode):
         self._model.require_detectable()
         self._scene = scenario.scene
         self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
-        self.plant = self.make_plant(scenario)
+        self.plant = self._disturbed_plant()
         self._luminosity_publisher = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
         self._state_publisher = self.advertise(JointState, topics.STATE, topics.stream_qos())
         driver = LockstepDriver if scenario['mode'] == 'lockstep' else RealtimeDriver
@@ -82,7 +90,7 @@ class PlantNode(ManagedNode):
 
     def activate(self) -> None:
         """Start at the initial state; in lockstep with sample 0."""
-        self.plant = self.make_plant(self._scenario)
+        self.plant = self._disturbed_plant()
         self._nonphysical_samples = 0
         self._driver.start()
 
@@ -141,6 +149,15 @@ class PlantNode(ManagedNode):
         return 'camera and controller are there but do not answer'
 
     # -- details --------------------------------------------------------------------------------
+
+    def _disturbed_plant(self) -> Dynamics:
+        scenario = self._scenario
+        return DisturbedPlant(
+            self.make_plant(scenario),
+            input_disturbance=scenario['input_disturbance'],
+            state_disturbance=scenario['state_disturbance'],
+            seed=scenario['seed'],
+        )
 
     def _nonphysical(self, stamp_ns: int, luminosity: FloatArray) -> FloatArray:
         self._nonphysical_samples += 1

@@ -9,7 +9,7 @@ from dvs_plant_sim.plant_node import PlantNode
 
 
 class PlantSimNode(PlantNode):
-    """The plant ``xdot = A x + B u`` with optional disturbances."""
+    """The plant ``xdot = A x + B u``."""
 
     def make_plant(self, scenario: Scenario) -> Plant:
         """Plant of the scenario; see `PlantNode.make_plant`."""
@@ -17,9 +17,6 @@ class PlantSimNode(PlantNode):
             scenario.model,
             initial_state=scenario.initial_state,
             period_ns=scenario.sampling_period_ns,
-            input_disturbance=scenario['input_disturbance'],
-            state_disturbance=scenario['state_disturbance'],
-            seed=scenario['seed'],
         )
 
 

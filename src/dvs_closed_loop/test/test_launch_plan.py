@@ -1,0 +1,124 @@
+"""What the launch file and `closed_loop` start, without starting it."""
+
+from pathlib import Path
+
+import pytest
+
+from dvs_closed_loop.launch_plan import ARGUMENTS, VIEWERS, launch_plan, record_command
+from dvs_closed_loop.loop_plan import given, loop_plan, plant_program, scenario_file
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.scenario import Scenario, load_scenario
+
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
+MIRROR = CONFIG / 'mirror_r3.yaml'
+PENDULUM = CONFIG / 'pendulum.yaml'
+
+
+def programs(plans):
+    return [(plan.package, plan.executable) for plan in plans]
+
+
+def plan_of(file, **options):
+    return loop_plan(load_scenario(file), file, **options)
+
+
+def test_three_nodes_with_the_plant_last():
+    assert programs(plan_of(MIRROR)) == [
+        ('dvs_event_camera', 'event_camera'),
+        ('dvs_hinf_controller', 'hinf_controller'),
+        ('dvs_plant_sim', 'plant_sim'),
+    ]
+    assert programs(plan_of(PENDULUM))[-1] == ('dvs_plant_sim', 'pendulum_sim')
+
+
+def test_nodes_elsewhere_are_left_out():
+    plans = plan_of(MIRROR, elsewhere=('event_camera', 'hinf_controller'))
+    assert programs(plans) == [('dvs_plant_sim', 'plant_sim')]
+    with pytest.raises(ParameterError, match='elsewhere = plant_sim: must be out of'):
+        plan_of(MIRROR, elsewhere=('plant_sim',))
+
+
+def test_only_the_plant_waits():
+    *partners, plant = plan_of(MIRROR, plant_waits=True, parameters={'duration': 1.0})
+    assert plant.parameters == {'duration': 1.0, 'autostart': False}
+    assert all(plan.parameters == {'duration': 1.0} for plan in partners)
+
+
+def test_composed_is_one_process_of_the_linear_plant_alone():
+    (plan,) = plan_of(MIRROR, composed=True, plant_waits=True, namespace='left')
+    assert plan.executable == 'composed_loop'
+    assert plan.options == ('--plant-waits',)
+    assert plan.namespace == '/left'
+    with pytest.raises(ParameterError, match=r'plant_executable = .*: can not share a process'):
+        plan_of(PENDULUM, composed=True)
+    with pytest.raises(ParameterError, match='excludes --composed'):
+        plan_of(MIRROR, composed=True, elsewhere=('event_camera',))
+
+
+@pytest.mark.parametrize('name', ['plant_sim', 'a/b/c', '/plant_sim', 'dvs_plant_sim/', ''])
+def test_a_plant_is_named_by_package_and_executable(name):
+    with pytest.raises(ParameterError, match='must be package/executable'):
+        plant_program(Scenario.from_values({'plant_executable': name}))
+
+
+def test_a_launch_starts_what_closed_loop_starts():
+    plan = launch_plan(
+        {
+            'scenario': str(PENDULUM),
+            'namespace': 'left',
+            'mode': 'realtime',
+            'method': 'structured',
+        }
+    )
+    wanted = plan_of(
+        PENDULUM, namespace='left', parameters=given(mode='realtime', method='structured')
+    )
+    assert (*plan.partners, plan.plant) == wanted
+    assert plan.plant.parameters == {'mode': 'realtime', 'method': 'structured'}
+    assert plan.recorder == ()
+    assert plan.viewer is None
+
+
+def test_every_scenario_can_be_launched_by_name():
+    for file in CONFIG.glob('*.yaml'):
+        assert scenario_file(file.stem).resolve() == file
+        assert launch_plan({'scenario': file.stem}).plant.parameter_file.stem == file.stem
+    assert launch_plan({}).plant.parameter_file.stem == 'paper_r3'
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (
+            {'scenario': 'nowhere'},
+            'scenario = nowhere: must be a parameter file or one of .*pendu',
+        ),
+        ({'mode': 'fast'}, 'mode = fast: must be one of lockstep, realtime$'),
+        ({'viewer': 'xterm'}, 'viewer = xterm: must be one of none, rqt, plotjuggler, foxglove'),
+        ({'namespace': 'a b'}, 'namespace = a b: '),
+        ({'elsewhere': 'me'}, 'elsewhere = me: '),
+        ({'speed': '2'}, 'speed = 2: is not an argument'),
+    ],
+)
+def test_a_bad_argument_is_named(arguments, message):
+    with pytest.raises(ParameterError, match=message):
+        launch_plan(arguments)
+
+
+def test_a_recording_takes_the_loops_own_topics():
+    command = record_command('bag', 'left')
+    assert command[:7] == ('ros2', 'bag', 'record', '--storage', 'mcap', '--output', 'bag')
+    assert {'/left/events', '/left/command', '/left/clock', '/diagnostics'} < set(command)
+    assert '/clock' not in command
+    assert '/clock' in record_command('bag', '')
+
+
+@pytest.mark.parametrize('viewer', VIEWERS)
+def test_a_viewer_is_no_part_of_the_loop(viewer):
+    plan = launch_plan({'viewer': viewer})
+    assert plan.viewer.executable == VIEWERS[viewer].executable
+    assert plan.viewer not in (*plan.partners, plan.plant)
+
+
+def test_every_argument_says_what_it_means():
+    assert all(len(argument.description) > 10 for argument in ARGUMENTS)

@@ -1,0 +1,64 @@
+"""Seeded noise on the inputs and the state of any plant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvs_interfaces.model import FloatArray
+from dvs_plant_sim.dynamics import Dynamics
+
+_NANOSECOND_S = 1e-9
+
+
+class DisturbedPlant:
+    """A plant with Gaussian noise added; without noise it is that plant to the bit.
+
+    Parameters
+    ----------
+    plant
+        Plant to disturb.
+    input_disturbance
+        Standard deviation of the noise on every input, held for a step.
+    state_disturbance
+        Intensity of a random walk added to every state, state/sqrt(s).
+    seed
+        Seed of the noise.
+    """
+
+    def __init__(
+        self, plant: Dynamics, *, input_disturbance: float, state_disturbance: float, seed: int
+    ) -> None:
+        self._plant = plant
+        self._input_disturbance = input_disturbance
+        self._state_disturbance = state_disturbance
+        self._generator = np.random.default_rng(seed)
+
+    @property
+    def state(self) -> FloatArray:
+        """State x of the plant, shape (n,)."""
+        return self._plant.state
+
+    @state.setter
+    def state(self, state: FloatArray) -> None:
+        self._plant.state = state
+
+    def advance(self, duration_ns: int, command: FloatArray) -> None:
+        """Move on by `duration_ns` with the input held at `command` and noise.
+
+        Parameters
+        ----------
+        duration_ns
+            Length of the step, ns, >= 0.
+        command
+            u_o, shape (m,).
+        """
+        if duration_ns == 0:
+            return
+        if self._input_disturbance:
+            noise = self._generator.standard_normal(command.size)
+            command = command + self._input_disturbance * noise
+        self._plant.advance(duration_ns, command)
+        if self._state_disturbance:
+            spread = self._state_disturbance * np.sqrt(duration_ns * _NANOSECOND_S)
+            noise = self._generator.standard_normal(self._plant.state.size)
+            self._plant.state = self._plant.state + spread * noise

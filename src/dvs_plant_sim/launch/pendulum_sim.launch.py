@@ -1,0 +1,10 @@
+"""Launch file of the node `pendulum_sim`."""
+
+from launch import LaunchDescription
+
+from dvs_interfaces.launching import node_description
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the node with its launch arguments."""
+    return node_description('dvs_plant_sim', 'pendulum_sim')
