@@ -75,6 +75,9 @@ _EPS = 2.220446049250313e-16
 _TOUCH = 4.0 * _EPS
 _SERIES = 1e-3  # below this |pole * tau| five terms of the series are exact to rounding
 _NEWTON_STEPS = 60
+# Steps that may hold a peak of the error are halved until its bound has only this room left.
+_WATCH_ROOM = 1.002
+_SHORTEST_WATCH = 2.0**-24
 
 Enclosure = tuple[float, float, float, float, float, float]
 
@@ -628,16 +631,42 @@ def error_spread(
 
 @jit
 def watch_error(
-    clock: np.ndarray, before: float, after: float, spread: float, tau: float, tail_start: float
-) -> None:
-    """Largest error of the tail, attained and bounded, and its integral; `clock` is at the end."""
-    start = clock[TIME] - tau
+    shape: np.ndarray,
+    modal: np.ndarray,
+    dense: np.ndarray,
+    dense_bound: np.ndarray,
+    error_basis: np.ndarray,
+    state: np.ndarray,
+    clock: np.ndarray,
+    tau: float,
+    tail_start: float,
+) -> float:
+    """Largest error of the tail, attained and bounded, and its integral.
+
+    Returns the step, shortened where it may hold a peak that its ends do not show.
+    """
+    before = clock[ERROR]
+    if before < 0.0:
+        before = error_norm(error_basis, state, ETA)
+    shortest = tau * _SHORTEST_WATCH
+    while True:
+        after = error_norm(error_basis, state, NEW_ETA)
+        largest = max(before, after)
+        bound = largest + error_spread(shape, modal, dense, dense_bound, state, tau)
+        if bound <= max(clock[PEAK], largest) * _WATCH_ROOM or tau <= shortest:
+            break
+        tau *= 0.5
+        advance(shape, modal, dense, dense_bound, state, tau, NEW_ETA)
+    start = clock[TIME]
     clock[ERROR] = after
-    clock[PEAK] = max(clock[PEAK], after)
     if start >= tail_start:
         clock[PEAK] = max(clock[PEAK], before)
-    clock[PEAK_BOUND] = max(clock[PEAK_BOUND], max(before, after) + spread)
-    clock[INTEGRAL] += 0.5 * (before + after) * (clock[TIME] - max(start, tail_start))
+    watched = start + tau - max(start, tail_start)
+    if watched > 0.0:
+        clock[PEAK] = max(clock[PEAK], after)
+        clock[PEAK_BOUND] = max(clock[PEAK_BOUND], bound)
+        clock[INTEGRAL] += 0.5 * (before + after) * watched
+    return tau
 
 
 @jit
@@ -717,6 +746,10 @@ def run(
             tau = find_step(
                 shape, modal, dense, dense_bound, state, tally, rise_to, fall_to, touch, tau
             )
+            if clock[TIME] + tau > tail_start:
+                tau = watch_error(
+                    shape, modal, dense, dense_bound, error_basis, state, clock, tau, tail_start
+                )
             time, time_low = add_twofold(clock[TIME], clock[TIME_LOW], tau)
             if tau == left:
                 time, time_low = end, 0.0
@@ -736,18 +769,6 @@ def run(
             return DONE
         clock[TIME] = time
         clock[TIME_LOW] = time_low
-        if clock[TIME] > tail_start:
-            before = clock[ERROR]
-            if before < 0.0:
-                before = error_norm(error_basis, state, ETA)
-            watch_error(
-                clock,
-                before,
-                error_norm(error_basis, state, NEW_ETA),
-                error_spread(shape, modal, dense, dense_bound, state, tau),
-                tau,
-                tail_start,
-            )
         clock[STEP] = tau
         tally[STEPS] += 1
         for j in range(modal.shape[1]):

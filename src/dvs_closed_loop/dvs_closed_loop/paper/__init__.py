@@ -1,0 +1,1 @@
+"""The paper regenerated: its experiments, tables and figures, and our corrections."""

@@ -1,0 +1,1 @@
+"""Monte Carlo sweeps over the exact automaton: resumable, on one machine or many."""
