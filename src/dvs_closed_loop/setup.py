@@ -23,6 +23,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'dvs_closed_loop = dvs_closed_loop.cli:main',
             'closed_loop = dvs_closed_loop.closed_loop:main',
             'composed_loop = dvs_closed_loop.composed_loop:main',
         ],

@@ -1,13 +1,12 @@
-"""Console script `dvs_closed_loop`: one command, with subcommands that are loaded when needed."""
+"""Console script `dvs_closed_loop`: one door to all tools, each loaded only when it is asked for."""
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from importlib import import_module
 
 from dvs_interfaces.errors import SuiteError
 
@@ -19,7 +18,7 @@ class Command:
     Parameters
     ----------
     module
-        Module with ``add_arguments(parser)`` and ``run(arguments) -> int``; imported only when the
+        Module with ``add_arguments(parser)`` and ``run(options) -> int``; imported only when the
         subcommand is called, so that one may need what another does not.
     summary
         One line for the overview.
@@ -37,40 +36,65 @@ COMMANDS = {
     'reproduce_paper': Command(
         'dvs_closed_loop.commands.reproduce_paper', 'every figure and number of the paper'
     ),
+    'record': Command(
+        'dvs_closed_loop.record', "record the loop's topics to a bag, without rosbag2"
+    ),
+    'play': Command('dvs_closed_loop.play', 'publish a bag again with its original spacing'),
+    'report': Command('dvs_closed_loop.report', 'make figures and an HTML report of a bag'),
+    'dashboard': Command('dvs_closed_loop.dashboard', 'serve a live page of the running loop'),
 }
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a subcommand.
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line of `dvs_closed_loop`; returns the exit code.
 
     Parameters
     ----------
-    argv
-        Arguments without the program's name; default those of the process.
+    arguments
+        Command line without the program name; `sys.argv` by default.
     """
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    own, ros_arguments = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
+    name = _parser().parse_args(own[:1]).command
+    module = import_module(COMMANDS[name].module)
+    parser = argparse.ArgumentParser(
+        prog=f'dvs_closed_loop {name}', description=COMMANDS[name].summary
+    )
+    module.add_arguments(parser)
+    options = parser.parse_args(own[1:])
+    options.ros_arguments = ros_arguments
+    try:
+        return int(module.run(options))
+    except SuiteError as error:
+        print(f'dvs_closed_loop {name}: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 0
+
+
+def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return our arguments, and those from ``--ros-args`` to ``--`` or the end.
+
+    Parameters
+    ----------
+    arguments
+        Command line.
+    """
+    if '--ros-args' not in arguments:
+        return list(arguments), []
+    start = list(arguments).index('--ros-args')
+    tail = list(arguments[start:])
+    end = tail.index('--') + 1 if '--' in tail else len(tail)
+    return [*arguments[:start], *tail[end:]], tail[:end]
+
+
+def _parser() -> argparse.ArgumentParser:
+    width = max(map(len, COMMANDS))
+    lines = '\n'.join(f'  {name:<{width}} {c.summary}' for name, c in COMMANDS.items())
     parser = argparse.ArgumentParser(
         prog='dvs_closed_loop',
-        description='Experiments on the closed loop that need no running ROS graph.',
+        description=f'Tools around the closed loop:\n\n{lines}\n',
+        epilog='dvs_closed_loop COMMAND --help explains one of them.',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for name, command in COMMANDS.items():
-        subparser = subparsers.add_parser(name, help=command.summary, description=command.summary)
-        if arguments[:1] == [name]:
-            _module(command).add_arguments(subparser)
-    parsed = parser.parse_args(arguments)
-    try:
-        return int(_module(COMMANDS[parsed.command]).run(parsed))
-    except SuiteError as error:
-        print(f'dvs_closed_loop {parsed.command}: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-
-
-def _module(command: Command) -> Any:
-    return importlib.import_module(command.module)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    parser.add_argument('command', metavar='COMMAND', choices=COMMANDS)
+    return parser
