@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.scenario import Scenario
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader, ReaderError
 
 from dvs_closed_loop.recording import NAME_KEY, PARAMETERS_KEY
 from dvs_closed_loop.streams import STREAMS, base_name
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.scenario import Scenario
 
 # What rosbags raises on damaged files, beside its own errors.
 _DAMAGE = (ReaderError, OSError, ValueError, TypeError, KeyError, EOFError, struct.error)

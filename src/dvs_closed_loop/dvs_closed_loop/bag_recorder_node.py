@@ -5,9 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from dvs_interfaces import topics
-from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.events import parse_events
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
@@ -15,6 +12,9 @@ from rclpy.subscription import Subscription
 from dvs_closed_loop.index_watch import IndexWatch
 from dvs_closed_loop.recording import BagFullError, BagWriter
 from dvs_closed_loop.streams import Stream
+from dvs_interfaces import topics
+from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.events import parse_events
 
 # Messages that wait in the middleware while the disk is slow.
 _DEPTH = 1000

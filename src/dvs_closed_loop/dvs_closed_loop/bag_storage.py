@@ -133,9 +133,7 @@ class BatchedMcap(McapWriter):
             self.close_chunk()
         end = self._file.tell()
         try:
-            self._file.write(
-                bytes(_SUMMARY_BYTES + _SUMMARY_BYTES_PER_BATCH * len(self._batches))
-            )
+            self._file.write(bytes(_SUMMARY_BYTES + _SUMMARY_BYTES_PER_BATCH * len(self._batches)))
         finally:
             self._file.rewind(end)
 

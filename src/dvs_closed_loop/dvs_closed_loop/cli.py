@@ -1,4 +1,4 @@
-"""Console script `dvs_closed_loop`: one door to all tools, each loaded only when it is asked for."""
+"""Console script `dvs_closed_loop`: one door to all tools, each loaded when it is asked for."""
 
 from __future__ import annotations
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.parameters import CAMERA, CONTROLLER, PLANT, SCHEMA
-from dvs_interfaces.scenario import Scenario
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
+
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.parameters import CAMERA, CONTROLLER, PLANT, SCHEMA
+from dvs_interfaces.scenario import Scenario
 
 
 class LoopParameters:

@@ -59,11 +59,10 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the bag can't be read or an argument breaks its rule.
     """
-    from dvs_interfaces.errors import ParameterError
-
     from dvs_closed_loop.bag import read_bag
     from dvs_closed_loop.streams import STREAMS, chosen_streams
     from dvs_closed_loop.tool_node import tool_node
+    from dvs_interfaces.errors import ParameterError
 
     if not (math.isfinite(options.rate) and options.rate > 0):
         raise ParameterError('rate', options.rate, 'must be a finite number > 0')
@@ -100,9 +99,7 @@ def _wait_for_subscribers(tool: ToolNode, publishers: dict[str, Publisher]) -> N
         tool.spin(_WAIT_TURN_S)
 
 
-def _play(
-    bag: RecordedBag, publishers: dict[str, Publisher], tool: ToolNode, rate: float
-) -> int:
+def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: ToolNode, rate: float) -> int:
     """Publish every message at its instant; return how many were published."""
     from tqdm import tqdm
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from dvs_interfaces.model import FloatArray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from dvs_interfaces.model import FloatArray
 
 # Okabe and Ito (2008), in the order of use; tested for all common colour vision deficiencies.
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY = (
@@ -93,7 +94,9 @@ def draw_tolerance(axes: Axes, tolerance: float) -> None:
     tolerance
         eps.
     """
-    axes.axhline(tolerance, color=BLACK, ls='--', lw=1.1, label=rf'tolerance $\epsilon$ = {tolerance:g}')
+    axes.axhline(
+        tolerance, color=BLACK, ls='--', lw=1.1, label=rf'tolerance $\epsilon$ = {tolerance:g}'
+    )
 
 
 def draw_ball(axes: Axes, centre: FloatArray, tolerance: float) -> None:
@@ -120,9 +123,7 @@ def draw_ball(axes: Axes, centre: FloatArray, tolerance: float) -> None:
     axes.plot(*centre[:2], '+', color=BLACK, ms=9, mew=1.5, label=r'set-point $x_d$')
 
 
-def draw_events(
-    axes: Axes, times: FloatArray, pixels: np.ndarray, polarities: np.ndarray
-) -> None:
+def draw_events(axes: Axes, times: FloatArray, pixels: np.ndarray, polarities: np.ndarray) -> None:
     """Raster of events, ON above OFF in colour and shape.
 
     Parameters

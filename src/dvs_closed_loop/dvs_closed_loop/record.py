@@ -34,8 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--duration', type=float, help='wall-clock seconds (default: no end)')
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
     parser.add_argument(
-        '--topics', nargs='+', metavar='TOPIC', help='topics of the wire contract (default: all '
-        'but those made only while somebody listens)'
+        '--topics',
+        nargs='+',
+        metavar='TOPIC',
+        help='topics of the wire contract (default: all '
+        'but those made only while somebody listens)',
     )
     parser.add_argument(
         '--params-file', type=Path, help='scenario to store in the bag (default: ask the nodes)'
@@ -56,14 +59,13 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the bag exists or can't grow, or an argument breaks its rule.
     """
-    from dvs_interfaces.errors import ParameterError
-    from dvs_interfaces.scenario import load_scenario
-
     from dvs_closed_loop.bag_recorder_node import BagRecorder
     from dvs_closed_loop.loop_parameters import LoopParameters
     from dvs_closed_loop.recording import BagWriter
     from dvs_closed_loop.streams import chosen_streams
     from dvs_closed_loop.tool_node import tool_node
+    from dvs_interfaces.errors import ParameterError
+    from dvs_interfaces.scenario import load_scenario
 
     if options.duration is not None and not options.duration > 0:
         raise ParameterError('duration', options.duration, 'must be > 0')
@@ -106,9 +108,7 @@ def run(options: argparse.Namespace) -> int:
 def _summary(recorder: BagRecorder, path: Path) -> str:
     counts = ', '.join(f'{topic} {count}' for topic, count in recorder.counts.items() if count)
     index = recorder.index
-    losses = (
-        f'{index.lost} EVENTS LOST in {index.gaps} gaps' if index.lost else 'no event lost'
-    )
+    losses = f'{index.lost} EVENTS LOST in {index.gaps} gaps' if index.lost else 'no event lost'
     if index.first_index:
         losses += f'; the recording began at event {index.first_index}'
     return f'{path}/: {counts or "nothing heard"}\n  {index.events} events, {losses}'

@@ -14,8 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
-from dvs_interfaces.errors import ParameterError, SuiteError
-from dvs_interfaces.scenario import Scenario
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
@@ -30,6 +28,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from dvs_closed_loop.bag_storage import BatchedMcap, BatchedSqlite
 from dvs_closed_loop.streams import STREAMS, base_name
+from dvs_interfaces.errors import ParameterError, SuiteError
+from dvs_interfaces.scenario import Scenario
 
 STORAGES = ('mcap', 'sqlite3')
 # Keys of the bag's custom data.
@@ -80,7 +80,7 @@ class BagWriter:
         except WriterError:
             raise ParameterError('bag', path, 'exists already and is not overwritten') from None
         except OSError as error:
-            raise ParameterError('bag', path, f'can\'t be written: {error.strerror}') from None
+            raise ParameterError('bag', path, f"can't be written: {error.strerror}") from None
         self._connections = {
             topic: self._writer.add_connection(
                 topic,
@@ -138,7 +138,7 @@ class BagWriter:
             self._writer.max_timestamp = max(self._writer.max_timestamp, received_ns)
             self.close()
             raise BagFullError(
-                f'the recording ends: {self.path} can\'t grow ({error.strerror or error}); '
+                f"the recording ends: {self.path} can't grow ({error.strerror or error}); "
                 'what was recorded before is kept'
             ) from None
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 
+from rclpy.qos import QoSProfile
+
 from dvs_interfaces import topics
 from dvs_interfaces.errors import ParameterError
-from rclpy.qos import QoSProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +58,7 @@ STREAMS = {
         Stream(topic=topics.KEYFRAME, type_name='sensor_msgs/msg/Image', latched=True),
         Stream(topic=topics.CLOCK, type_name='rosgraph_msgs/msg/Clock'),
         Stream(topic=topics.DIAGNOSTICS, type_name='diagnostic_msgs/msg/DiagnosticArray'),
-        Stream(
-            topic=topics.POLARITY, type_name='std_msgs/msg/Int16MultiArray', on_demand=True
-        ),
+        Stream(topic=topics.POLARITY, type_name='std_msgs/msg/Int16MultiArray', on_demand=True),
         Stream(topic=topics.EVENT_IMAGE, type_name='sensor_msgs/msg/Image', on_demand=True),
     )
 }

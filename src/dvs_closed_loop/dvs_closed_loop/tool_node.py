@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import rclpy
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.spin import StopSignal
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.spin import StopSignal
 
 _TURN_S = 0.05
 

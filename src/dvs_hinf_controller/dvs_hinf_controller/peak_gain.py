@@ -214,7 +214,9 @@ def _sample(
     time, x = 0.0, g.b[:, 0].copy()
     times, values, error, total = [time], [g.c @ x], 0.0, 0.0
     while len(times) < _MAX_NODES:
-        size, tail = (min(pair) for pair in zip(*(b.size_and_tail(x) for b in bounds), strict=True))
+        size, tail = (
+            min(pair) for pair in zip(*(b.size_and_tail(x) for b in bounds), strict=True)
+        )
         if tail <= (1 - _QUADRATURE_SHARE) * truncation * total:
             return SampledKernel(
                 times=np.array(times),

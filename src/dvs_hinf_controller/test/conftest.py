@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
 

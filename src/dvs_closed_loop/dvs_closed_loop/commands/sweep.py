@@ -34,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--output', type=Path, help='CSV file; a killed sweep goes on there (out/<study>.csv)'
     )
     parser.add_argument(
-        '--runs', type=int, help='runs per plant (certificate), per h (threshold) or per r (pixels)'
+        '--runs',
+        type=int,
+        help='runs per plant (certificate), per h (threshold) or per r (pixels)',
     )
     parser.add_argument('--plants', type=int, default=_DEFAULT_PLANTS, help='certificate only')
     parser.add_argument('--seed', type=int, default=0, help='seed of everything random')

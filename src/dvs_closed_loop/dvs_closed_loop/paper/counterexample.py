@@ -8,6 +8,7 @@ minimises ``|| [T; V T; 0.01 u] ||`` with ``V(s) = (s + 3) / (s + 0.3)`` (docs/t
 from __future__ import annotations
 
 import numpy as np
+
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.hinf_synthesis import hinf_synthesis
 from dvs_hinf_controller.state_space import GeneralizedPlant

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
+
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
 

@@ -6,14 +6,14 @@ The paper observes that it "seems to increase" with r = 1, 3, 9, from one run ea
 from __future__ import annotations
 
 import numpy as np
-from dvs_hinf_controller.design import design_controller
-from dvs_hinf_controller.problem import DesignProblem
-from dvs_interfaces.model import FloatArray
 
 from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.paper.published import PIXEL_OFFSETS, scenario
 from dvs_closed_loop.sweep.study import Row, Study, Task
 from dvs_closed_loop.sweep.threshold import random_start
+from dvs_hinf_controller.design import design_controller
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_interfaces.model import FloatArray
 
 COLUMNS = ('pixels', 'layout', 'h', 'h_star', 'status', 'limsup', 'mean', 'events')
 COUNTS = (1, 3, 9, 25, 81, 289, 1089)

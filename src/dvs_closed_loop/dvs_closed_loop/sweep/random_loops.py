@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
+
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.design import DesignFigures, design_controller, measure
 from dvs_hinf_controller.peak_gain import peak_gains
@@ -119,9 +120,7 @@ def _plant(rng: np.random.Generator) -> PlantModel:
     )
 
 
-def _controller(
-    problem: DesignProblem, method: str, rng: np.random.Generator
-) -> LinearController:
+def _controller(problem: DesignProblem, method: str, rng: np.random.Generator) -> LinearController:
     if method == 'lqg':
         return lqg_controller(problem.model, *(10.0 ** rng.uniform(-2, 0, 2)))
     return design_controller(problem, method=method).controller

@@ -52,9 +52,7 @@ def run_study(
     left = [task for task in study.tasks if task.key not in table.finished]
     total = sum(task.rows for task in study.tasks)
     done = total - sum(task.rows for task in left)
-    with tqdm(
-        total=total, initial=done, unit='run', desc=study.name, disable=not progress
-    ) as bar:
+    with tqdm(total=total, initial=done, unit='run', desc=study.name, disable=not progress) as bar:
         if left:
             with _client(scheduler, workers, processes) as client:
                 for task, rows in _results(client, study, left):
@@ -82,9 +80,7 @@ def _client(scheduler: str | None, workers: int | None, processes: bool) -> Iter
         yield client
 
 
-def _results(
-    client: Any, study: Study, tasks: list[Task]
-) -> Iterator[tuple[Task, list[Row]]]:
+def _results(client: Any, study: Study, tasks: list[Task]) -> Iterator[tuple[Task, list[Row]]]:
     from distributed import as_completed
 
     waiting = iter(tasks)

@@ -72,9 +72,19 @@ def threshold_figure(rows: Rows) -> Figure:
     figure, axes = plotting.new_figure(7.2, 4.2)
     place = np.arange(len(lines))
     for offset, values, colour, name in (
-        (-0.27, [line.h_certified for line in lines], plotting.GREEN, r'guaranteed $h_\mathrm{certified}$'),
+        (
+            -0.27,
+            [line.h_certified for line in lines],
+            plotting.GREEN,
+            r'guaranteed $h_\mathrm{certified}$',
+        ),
         (0.0, [line.h_star for line in lines], plotting.BLUE, r'published $h^*$'),
-        (0.27, [line.simulated for line in lines], plotting.VERMILION, r'first violation in simulation'),
+        (
+            0.27,
+            [line.simulated for line in lines],
+            plotting.VERMILION,
+            r'first violation in simulation',
+        ),
     ):
         bars = axes.bar(place + offset, values, 0.25, color=colour, label=name)
         axes.bar_label(bars, fmt='%.3f', fontsize=7.5, rotation=90, padding=3)
@@ -108,11 +118,14 @@ def pixels_figure(rows: Rows) -> Figure:
         ('mean', plotting.BLUE, 'o', r'average of $\|x - x_d\|$ over time'),
     ):
         values = [
-            np.array([float(r[key]) for r in rows if int(r['pixels']) == count]) for count in counts
+            np.array([float(r[key]) for r in rows if int(r['pixels']) == count])
+            for count in counts
         ]
         low, middle, high = np.array([np.quantile(v, (0.1, 0.5, 0.9)) for v in values]).T
         axes.fill_between(counts, low, high, color=colour, alpha=0.18, lw=0)
-        axes.plot(counts, middle, marker=marker, color=colour, label=f'{name} (median, 10 to 90 %)')
+        axes.plot(
+            counts, middle, marker=marker, color=colour, label=f'{name} (median, 10 to 90 %)'
+        )
     axes.axhline(0.05, color=plotting.BLACK, ls='--', lw=1.1, label=r'tolerance $\epsilon$ = 0.05')
     axes.set_xscale('log')
     axes.set_xticks(counts, [str(count) for count in counts])

@@ -9,9 +9,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from dvs_interfaces.errors import ParameterError
-
 from dvs_closed_loop.sweep.study import Row, Study, Task
+from dvs_interfaces.errors import ParameterError
 
 
 class ResultTable:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from dvs_hinf_controller.design import Design, design_controller
-from dvs_hinf_controller.problem import DesignProblem
-from dvs_interfaces.errors import ParameterError
 
 from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.paper.published import scenario
 from dvs_closed_loop.sweep.study import Row, Study, Task
+from dvs_hinf_controller.design import Design, design_controller
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_interfaces.errors import ParameterError
 
 METHODS = ('unstructured', 'structured', 'certified')
 PIXELS = (1, 3, 9)
@@ -54,7 +54,9 @@ class CriticalThreshold:
     h_certified: float
 
 
-def threshold_study(*, steps: int = 50, runs: int = 40, largest: float = 0.5, seed: int = 0) -> Study:
+def threshold_study(
+    *, steps: int = 50, runs: int = 40, largest: float = 0.5, seed: int = 0
+) -> Study:
     """Study over methods, pixels and `steps` thresholds up to `largest`.
 
     Parameters
@@ -86,7 +88,11 @@ def threshold_study(*, steps: int = 50, runs: int = 40, largest: float = 0.5, se
     ]
     options = {'steps': steps, 'runs': runs, 'largest': largest, 'seed': seed}
     return Study(
-        name='threshold', columns=COLUMNS, function=run_threshold_task, tasks=tasks, options=options
+        name='threshold',
+        columns=COLUMNS,
+        function=run_threshold_task,
+        tasks=tasks,
+        options=options,
     )
 
 
@@ -112,7 +118,10 @@ def run_threshold_task(
     design = design_controller(DesignProblem.from_scenario(plain), method=method)
     loop = ClosedLoop.from_scenario(plain, design.controller)
     return [
-        _row(design, random_start(replace(loop, event_threshold=h), np.random.default_rng([seed, i])))
+        _row(
+            design,
+            random_start(replace(loop, event_threshold=h), np.random.default_rng([seed, i])),
+        )
         for h in thresholds
         for i in range(runs)
     ]
@@ -137,17 +146,19 @@ def random_start(loop: ClosedLoop, rng: np.random.Generator) -> ClosedLoop:
         bounds = type(loop.bounds).around(y, width)
         reference = rng.uniform(bounds.lower, bounds.upper)
         try:
-            return replace(
-                loop, initial_state=start, bounds=bounds, initial_reference=reference
-            )
+            return replace(loop, initial_state=start, bounds=bounds, initial_reference=reference)
         except ParameterError:
             continue  # a fine threshold near which the pixel would fire at once
 
 
 def _row(design: Design, loop: ClosedLoop) -> Row:
     run = simulate(
-        loop, duration=_DURATION_S, tail_start=_DURATION_S - _TAIL_S, tail_step=0.02,
-        record_events=False, max_events=200_000,
+        loop,
+        duration=_DURATION_S,
+        tail_start=_DURATION_S - _TAIL_S,
+        tail_step=0.02,
+        record_events=False,
+        max_events=200_000,
     )
     tail = run.tail if run.outcome.completed else None
     return {
