@@ -32,6 +32,11 @@ class CdrWriter:
     def __init__(self) -> None:
         self._buffer = bytearray(_LITTLE_ENDIAN_HEADER)
 
+    @property
+    def size(self) -> int:
+        """Number of bytes so far, the encapsulation header included."""
+        return len(self._buffer)
+
     def align(self, size: int) -> None:
         """Pad to a multiple of `size` bytes, counted from the end of the encapsulation header."""
         self._buffer.extend(bytes(-(len(self._buffer) - 4) % size))

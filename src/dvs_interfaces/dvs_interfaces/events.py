@@ -5,7 +5,10 @@ A record has 16 bytes and any PointCloud2 tool can read it; docs/wire_contract.m
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +98,8 @@ def make_events(
         Running number of the first event.
     """
     count = len(times_ns)
+    if not count:
+        return np.empty(0, EVENT_DTYPE)
     words = np.empty((count, 2), dtype='<u8')
     row, column = np.divmod(pixels.astype(np.uint64), np.uint64(width))
     relative = (times_ns - stamp_ns).astype(np.int32).view(np.uint32).astype(np.uint64)
@@ -113,14 +118,37 @@ def pack_events(packet: EventPacket) -> bytes:
     packet
         Events to publish.
     """
-    data = packet.events
-    labelled = data.dtype == LABELLED_EVENT_DTYPE
+    data = np.ascontiguousarray(packet.events)
+    layout = _layout(data.dtype == LABELLED_EVENT_DTYPE)
+    size = len(data) * EVENT_DTYPE.itemsize
+    seconds, nanoseconds = divmod(packet.stamp_ns, 1_000_000_000)
+    head = bytearray(layout.head)
+    struct.pack_into('<iI', head, layout.stamp_at, seconds, nanoseconds)
+    struct.pack_into('<I', head, layout.count_at, len(data))
+    struct.pack_into('<II', head, layout.size_at, size, size)
+    # One copy of the events, not one into a buffer that grows and one out of it.
+    return b''.join((head, data.view(np.uint8).data, b'\x01'))
+
+
+class _Layout(NamedTuple):
+    """The bytes before the events, the same for all packets, and where they are not."""
+
+    head: bytes
+    stamp_at: int
+    count_at: int
+    size_at: int
+
+
+@cache
+def _layout(labelled: bool) -> _Layout:
     fields = (*_FIELDS, _LABEL_FIELD) if labelled else _FIELDS
     writer = CdrWriter()
-    writer.stamp(packet.stamp_ns)
+    stamp_at = writer.size
+    writer.stamp(0)
     writer.text(FRAME_ID)
     writer.u32(1)
-    writer.u32(len(data))
+    count_at = writer.size
+    writer.u32(0)
     writer.u32(len(fields))
     for name, offset, datatype in fields:
         writer.text(name)
@@ -129,10 +157,10 @@ def pack_events(packet: EventPacket) -> bytes:
         writer.u32(1)
     writer.u8(0)
     writer.u32(EVENT_DTYPE.itemsize)
-    writer.u32(EVENT_DTYPE.itemsize * len(data))
-    writer.octets(data.tobytes())
-    writer.u8(1)
-    return writer.finish()
+    size_at = writer.size
+    writer.u32(0)
+    writer.u32(0)
+    return _Layout(writer.finish(), stamp_at, count_at, size_at)
 
 
 def parse_events(message: bytes) -> EventPacket:
