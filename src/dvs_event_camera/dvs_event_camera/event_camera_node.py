@@ -56,10 +56,10 @@ class EventCameraNode(ManagedNode):
         self._polarity = self.advertise(Int16MultiArray, topics.POLARITY, stream)
         self._image = self.advertise(Image, topics.EVENT_IMAGE, stream)
         self._packets = self._advertise_event_packets(stream)
-        self._diagnostics = self.advertise(DiagnosticArray, topics.DIAGNOSTICS, stream)
+        self._threshold = self.advertise(JointState, topics.THRESHOLD, topics.latched_qos(depth=1))
         self._listen(stream)
+        self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
         self.every(_LOOK_S, self._look)
-        self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
 
     def _advertise_event_packets(self, qos: QoSProfile) -> Any:
         try:
@@ -85,7 +85,9 @@ class EventCameraNode(ManagedNode):
         self._packet_number = 0
         self._frames = self._resent = self._restarts = 0
         self._invalid_reported = False
-        self._reported = (time.monotonic(), 0, 0)
+        self._event_rate, self._frame_rate = RateMeter(), RateMeter()
+        self._restarts_reported = self._on_events = 0
+        self._next_threshold: float | None = None
         self._polarity_wanted = self._image_wanted = self._packets_wanted = False
         self._look()
 

@@ -200,3 +200,21 @@ def test_memory_of_the_pixels_does_not_grow():
     array.update(0, np.ones(1000))
     owned = [v.nbytes for v in vars(array._comparator).values() if isinstance(v, np.ndarray)]
     assert sum(owned) <= 3 * 8 * 1000
+
+
+def test_packet_is_the_point_cloud_that_others_read():
+    messages = pytest.importorskip('sensor_msgs.msg')
+    serialization = pytest.importorskip('rclpy.serialization')
+    camera = camera_with(label_noise=True)
+    camera.take(frame(0, [1.0, 1.0]))
+    for stamp, y in ((MS, [1.0, 1.0]), (1_700_000_000 * SECOND + 7, [1.0, 3.0])):
+        packet = camera.take(frame(stamp, y)).packets[-1]
+        cloud = serialization.deserialize_message(pack_events(packet), messages.PointCloud2)
+        assert cloud.header.stamp.sec * SECOND + cloud.header.stamp.nanosec == stamp
+        assert (cloud.height, cloud.width) == (1, len(packet.events))
+        assert (cloud.point_step, cloud.row_step) == (16, 16 * len(packet.events))
+        assert cloud.is_dense
+        assert bytes(cloud.data) == packet.events.tobytes()
+        offsets = {field.name: field.offset for field in cloud.fields}
+        assert offsets == {n: f[1] for n, f in packet.events.dtype.fields.items()}
+        assert parse_events(pack_events(packet)).stamp_ns == stamp

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.estimator import Estimator
 from dvs_hinf_controller.held_input import HeldInputResponse
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.sector import sector
+from dvs_hinf_controller.synchroniser import Synchroniser, Synchrony
 from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.events import INDEX_MODULUS, EventPacket
+from dvs_interfaces.events import EventPacket
+from dvs_interfaces.keyframe import Keyframe
 from dvs_interfaces.model import FloatArray
 
 _NANOSECOND_S = 1e-9
+_KEPT_STEPS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PacketReport:
-    """What the controller noticed in one packet.
+    """What the controller noticed.
 
     Parameters
     ----------
@@ -28,14 +31,17 @@ class PacketReport:
         Events missing before this packet, by the running event number.
     restarted
         Whether the packet lies before the previous one, so that everything began anew.
+    resynchronised_pixels
+        Pixels whose count a keyframe has put right; None where there was no keyframe to apply.
     """
 
     lost_events: int = 0
     restarted: bool = False
+    resynchronised_pixels: int | None = None
 
 
 class EventController:
-    """Zero-order-hold estimator (paper, eqs. 8, 9) and K, fed by packets.
+    """Estimator (paper, eqs. 8, 9) and K, fed by packets.
 
     Between events the estimate is constant, so K has a closed form; all events of a packet enter
     in one vectorised step, each at its own stamp. The command is that of the continuous-time
@@ -61,31 +67,94 @@ class EventController:
         event_threshold: float,
         command_limit: FloatArray,
     ) -> None:
-        self._controller = controller
-        self._response = HeldInputResponse(controller.state_matrix, controller.input_vector)
-        constants = sector(
-            problem.bounds, event_threshold=event_threshold, log_base=problem.log_base
-        )
-        self._initial_estimate = constants.initial_estimate
-        self._log_step = event_threshold * math.log(problem.log_base)
-        self._width = problem.scene.width
-        self._height = problem.scene.height
-        self._mean_target = float(problem.set_point_luminosity.mean())
-        self._feedforward = problem.equilibrium.feedforward
+        self._event_threshold = event_threshold
         self._limit = command_limit if np.isfinite(command_limit).any() else None
-        self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
+        self._aim(problem, controller)
         self._reset()
 
+    def _aim(self, problem: DesignProblem, controller: LinearController) -> None:
+        self._problem = problem
+        self._controller = controller
+        self._response = HeldInputResponse(controller.state_matrix, controller.input_vector)
+        self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
+        self._mean_target = float(problem.set_point_luminosity.mean())
+        self._feedforward = problem.equilibrium.feedforward
+
     def _reset(self) -> None:
-        self.counts = np.zeros(self._initial_estimate.size, dtype=np.int64)
-        self.estimate = self._initial_estimate.copy()
-        self._next_index = 0
+        self._estimator = Estimator(
+            self._problem.bounds,
+            event_threshold=self._event_threshold,
+            log_base=self._problem.log_base,
+        )
+        self._synchroniser = Synchroniser()
         self._stamp_ns: int | None = None
+        self._threshold_change: tuple[int, float] | None = None
         self._state = np.zeros(self._controller.order)
         self._deviation = self._mean_deviation()
 
+    def redirect(self, problem: DesignProblem, controller: LinearController) -> None:
+        """Aim at another set-point from the last packet on; what is known of the pixels stays.
+
+        Parameters
+        ----------
+        problem
+            Problem with the new set-point.
+        controller
+            K for it; its state starts at zero unless it is the K that runs.
+        """
+        same = all(
+            np.array_equal(getattr(controller, name), getattr(self._controller, name))
+            for name in ('state_matrix', 'input_vector', 'output_matrix', 'feedthrough')
+        )
+        self._aim(problem, controller)
+        if not same:
+            self._state = np.zeros(controller.order)
+        self._deviation = self._mean_deviation()
+
+    def announce_threshold(self, after_ns: int, event_threshold: float) -> bool:
+        """Note that events stamped after `after_ns` are fired at another threshold.
+
+        Parameters
+        ----------
+        after_ns
+            Last instant of the present threshold, ns.
+        event_threshold
+            New h.
+
+        Returns
+        -------
+        bool
+            False if later events have already been counted at the present threshold.
+        """
+        if event_threshold == self.event_threshold:
+            return True
+        if self._stamp_ns is not None and self._stamp_ns > after_ns:
+            return False
+        self._threshold_change = after_ns, event_threshold
+        return True
+
     def _mean_deviation(self) -> float:
-        return float(self.estimate.mean()) - self._mean_target
+        return float(self._estimator.estimate.mean()) - self._mean_target
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """N of every pixel, shape (r,)."""
+        return self._estimator.counts
+
+    @property
+    def estimate(self) -> FloatArray:
+        """Estimate z of every luminosity, shape (r,)."""
+        return self._estimator.estimate
+
+    @property
+    def event_threshold(self) -> float:
+        """Threshold h at which events are counted now."""
+        return self._estimator.event_threshold
+
+    @property
+    def synchrony(self) -> Synchrony:
+        """How far the counts can be trusted."""
+        return self._synchroniser.state
 
     @property
     def command(self) -> FloatArray:
@@ -120,29 +189,75 @@ class EventController:
         restarted = self._stamp_ns is not None and packet.stamp_ns < self._stamp_ns
         if restarted:
             self._reset()
+        self._change_threshold_before(packet.stamp_ns)
         duration_ns = 0 if self._stamp_ns is None else packet.stamp_ns - self._stamp_ns
         self._stamp_ns = packet.stamp_ns
-        lost = 0
-        if len(packet.events) == 0:
+        events = packet.events
+        pixels = events['y'].astype(np.intp) * self._problem.scene.width + events['x']
+        polarities, signs = events['polarity'], events['sign']
+        lost = self._synchroniser.note(
+            packet.stamp_ns, events['index'], pixels, polarities, signs
+        )
+        if len(events) == 0:
             self._hold(duration_ns)
         else:
-            lost = (int(packet.events['index'][0]) - self._next_index) % INDEX_MODULUS
-            self._next_index = (int(packet.events['index'][-1]) + 1) % INDEX_MODULUS
-            jumps = self._apply(packet)
+            jumps = self._estimator.apply(pixels, polarities, signs)
             self._hold(duration_ns)
-            ages_ns = np.minimum(-packet.events['t'].astype(np.int64), duration_ns)
+            ages_ns = np.minimum(-events['t'].astype(np.int64), duration_ns)
             self._state = self._state + jumps @ self._response.response(ages_ns * _NANOSECOND_S)
             self._deviation = self._mean_deviation()
-        return PacketReport(lost_events=lost, restarted=restarted)
+        return PacketReport(
+            lost_events=lost, restarted=restarted, resynchronised_pixels=self._resynchronise()
+        )
+
+    def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
+        """Verify the counts by a keyframe, or put them right; one of the future waits its turn.
+
+        Parameters
+        ----------
+        keyframe
+            State of the sensor.
+
+        Raises
+        ------
+        MessageError
+            If it is of another pixel array.
+        """
+        if keyframe.counts.size != self.counts.size:
+            raise MessageError(
+                f'keyframe of {keyframe.counts.size} pixels, the array has {self.counts.size}'
+            )
+        self._synchroniser.offer(keyframe)
+        return PacketReport(resynchronised_pixels=self._resynchronise())
+
+    def _resynchronise(self) -> int | None:
+        if self._stamp_ns is None:
+            return None
+        keyframe = self._synchroniser.resolve(self._stamp_ns)
+        if keyframe is None:
+            return None
+        corrected = self._estimator.adopt(keyframe.counts, keyframe.signs)
+        if corrected:
+            self._deviation = self._mean_deviation()
+        return corrected
+
+    def _change_threshold_before(self, stamp_ns: int) -> None:
+        if self._threshold_change is None or stamp_ns <= self._threshold_change[0]:
+            return
+        self._estimator.change_threshold(self._threshold_change[1])
+        self._synchroniser.start_epoch()
+        self._threshold_change = None
+        self._deviation = self._mean_deviation()
 
     def _check(self, packet: EventPacket) -> None:
         events = packet.events
         if len(events) == 0:
             return
-        if int(events['x'].max()) >= self._width or int(events['y'].max()) >= self._height:
+        scene = self._problem.scene
+        if int(events['x'].max()) >= scene.width or int(events['y'].max()) >= scene.height:
             raise MessageError(
                 f'event at x = {events["x"].max()}, y = {events["y"].max()} lies outside of the '
-                f'{self._width} x {self._height} pixels'
+                f'{scene.width} x {scene.height} pixels'
             )
         if int(events['t'].max()) > 0 or np.any(np.diff(events['t']) < 0):
             raise MessageError("event times must not decrease nor exceed the packet's stamp")
@@ -160,33 +275,7 @@ class EventController:
                 self._response.transition(duration_s),
                 self._response.response(np.array([duration_s]))[0],
             )
-            if len(self._steps) < 16:
+            if len(self._steps) < _KEPT_STEPS:
                 self._steps[duration_ns] = step
         transition, gain = step
         self._state = transition @ self._state + gain * self._deviation
-
-    def _apply(self, packet: EventPacket) -> FloatArray:
-        """Count the events; return the jump of the mean estimate at each of them, shape (E,)."""
-        events = packet.events
-        pixels = events['y'].astype(np.intp) * self._width + events['x']
-        order = np.argsort(pixels, kind='stable')
-        pixel = pixels[order]
-        is_first = np.ones(len(pixel), dtype=bool)
-        is_first[1:] = pixel[1:] != pixel[:-1]
-        running = np.cumsum(events['polarity'][order], dtype=np.int64)
-        group = np.cumsum(is_first) - 1
-        before_group = np.concatenate(([0], running))[np.flatnonzero(is_first)]
-        counts = self.counts[pixel] + running - before_group[group]
-        after = (
-            events['sign'][order] * self._initial_estimate[pixel] * np.exp(counts * self._log_step)
-        )
-        before = np.empty_like(after)
-        before[1:] = after[:-1]
-        before[is_first] = self.estimate[pixel[is_first]]
-        is_last = np.ones(len(pixel), dtype=bool)
-        is_last[:-1] = is_first[1:]
-        self.counts[pixel[is_last]] = counts[is_last]
-        self.estimate[pixel[is_last]] = after[is_last]
-        jumps: FloatArray = np.empty_like(after)
-        jumps[order] = (after - before) / self.estimate.size
-        return jumps

@@ -2,45 +2,72 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
-from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import Float64MultiArray
+import numpy as np
+from sensor_msgs.msg import Image, JointState, PointCloud2
+from std_msgs.msg import Empty, Float64MultiArray
 
-from dvs_hinf_controller.design import design_from_scenario
-from dvs_hinf_controller.event_controller import EventController
+from dvs_hinf_controller.design import Design, design_from_scenario
+from dvs_hinf_controller.event_controller import EventController, PacketReport
 from dvs_hinf_controller.start_up import start_up_report
+from dvs_hinf_controller.synchroniser import Synchrony
 from dvs_interfaces import topics
+from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.events import parse_events
+from dvs_interfaces.health import Health, Level, RateMeter, Trouble
+from dvs_interfaces.keyframe import parse_keyframe
 from dvs_interfaces.managed_node import ManagedNode
-from dvs_interfaces.messages import Vector, pack_array, pack_command
+from dvs_interfaces.messages import (
+    Vector,
+    pack_array,
+    pack_command,
+    parse_command,
+)
 from dvs_interfaces.parameters import CONTROLLER
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.spin import run_nodes
 
+_ASK_AGAIN_S = 0.5
+_STALE_S = 2.0
+
 
 class HinfControllerNode(ManagedNode):
-    """Takes `events`; publishes `command`, and `estimate` while somebody listens."""
+    """Takes `events`; publishes `command`, and `estimate` while somebody listens.
 
-    def __init__(self, **node_arguments: Any) -> None:
+    Verifies its counts by the sensor's `keyframe` and asks for one after a late start or a loss.
+    """
+
+    def __init__(self, **node_arguments: object) -> None:
         super().__init__(CONTROLLER, **node_arguments)
+
+    # -- lifecycle and parameters ---------------------------------------------------------------
 
     def configure(self, scenario: Scenario) -> None:
         """Design the controller and report what it promises; see `ManagedNode.configure`."""
+        self._scenario = scenario
         self._design = design_from_scenario(scenario)
-        self._event_threshold = scenario['event_threshold']
-        self._command_limit = scenario.command_limit
         self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
         qos = topics.handshake_qos(scenario['mode'])
         self._command_publisher = self.advertise(JointState, topics.COMMAND, qos)
         self._estimate_publisher = self.advertise(
             Float64MultiArray, topics.ESTIMATE, topics.stream_qos()
         )
+        self._request_publisher = self.advertise(
+            Empty, topics.KEYFRAME_REQUEST, topics.stream_qos()
+        )
         self.listen(PointCloud2, topics.EVENTS, self._take, qos)
+        latched = topics.latched_qos(depth=1)
+        self.listen(Image, topics.KEYFRAME, self._take_keyframe, latched)
+        self.listen(JointState, topics.THRESHOLD, self._take_threshold, latched)
+        self.every(_ASK_AGAIN_S, self._ask_for_keyframe)
+        self._report_design()
+
+    def _report_design(self) -> None:
         report = start_up_report(
             self._design,
-            event_threshold=self._event_threshold,
-            sampling_period=scenario['sampling_period'],
+            event_threshold=self._scenario['event_threshold'],
+            sampling_period=self._scenario['sampling_period'],
         )
         self.get_logger().info(report.text)
         for warning in report.warnings:
@@ -51,31 +78,133 @@ class HinfControllerNode(ManagedNode):
         self._controller = EventController(
             self._design.problem,
             self._design.controller,
-            event_threshold=self._event_threshold,
-            command_limit=self._command_limit,
+            event_threshold=self._scenario['event_threshold'],
+            command_limit=self._scenario.command_limit,
         )
-        self._lost_events = 0
+        self._lost_events = self._resynchronisations = 0
+        self._events = self._on_events = self._packets = 0
+        self._event_rate, self._packet_rate = RateMeter(), RateMeter()
+        self._misunderstood_threshold: float | None = None
+
+    def deactivate(self) -> None:
+        """Leave a running plant with the input that holds the set-point."""
+        if self._scenario['mode'] == 'realtime' and self._packets:
+            self._publish_command(self._stamp_ns, self._design.problem.equilibrium.feedforward)
+
+    def change(self, scenario: Scenario) -> Callable[[], None]:
+        """Design for another set-point or tolerance; see `ManagedNode.change`."""
+        if scenario['event_threshold'] != self._scenario['event_threshold']:
+            raise ParameterError(
+                'event_threshold',
+                scenario['event_threshold'],
+                'changes on event_camera; the controller follows',
+            )
+        design = design_from_scenario(scenario)
+        return lambda: self._adopt(scenario, design)
+
+    def _adopt(self, scenario: Scenario, design: Design) -> None:
+        self._scenario, self._design = scenario, design
+        self._controller.redirect(design.problem, design.controller)
+        self._report_design()
+
+    # -- messages -------------------------------------------------------------------------------
 
     def _take(self, message: bytes) -> None:
         packet = parse_events(message)
         report = self._controller.take(packet)
+        self._stamp_ns = packet.stamp_ns
+        self._publish_command(packet.stamp_ns, self._controller.command)
+        if self._estimate_publisher.get_subscription_count():
+            self._estimate_publisher.publish(pack_array(self._controller.estimate))
+        self._packets += 1
+        if len(packet.events):
+            self._events += len(packet.events)
+            self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
+        self._say(report, packet.stamp_ns)
+
+    def _publish_command(self, stamp_ns: int, values: np.ndarray) -> None:
+        command = Vector(stamp_ns=stamp_ns, names=self._names, values=values)
+        self._command_publisher.publish(pack_command(command))
+
+    def _take_keyframe(self, message: bytes) -> None:
+        keyframe = parse_keyframe(message)
+        self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
+
+    def _take_threshold(self, message: bytes) -> None:
+        announcement = parse_command(message)
+        event_threshold = float(announcement.values[0])
+        running = self._controller.event_threshold
+        if event_threshold == running:
+            self._misunderstood_threshold = None
+            return
+        if self._packets and self._controller.announce_threshold(
+            announcement.stamp_ns, event_threshold
+        ):
+            self.get_logger().info(f'event_camera goes from h = {running:g} to {event_threshold:g}')
+            return
+        self._misunderstood_threshold = event_threshold
+        self.get_logger().error(
+            f'event_camera fires at h = {event_threshold:g}, the estimator counts at h = '
+            f'{running:g}: the estimate is wrong; give both the same event_threshold and restart'
+        )
+
+    def _say(self, report: PacketReport, stamp_ns: int) -> None:
         if report.restarted:
             self.get_logger().warning('time went back: the estimator and K start anew')
         if report.lost_events:
             self._lost_events += report.lost_events
             self.get_logger().error(
-                f'{report.lost_events} events were lost before {packet.stamp_ns * 1e-9:.6f} s '
-                f'({self._lost_events} in all): the estimate is biased'
+                f'{report.lost_events} events were lost before {stamp_ns * 1e-9:.6f} s '
+                f'({self._lost_events} in all): asking for a keyframe'
             )
-        self._command_publisher.publish(
-            pack_command(
-                Vector(
-                    stamp_ns=packet.stamp_ns, names=self._names, values=self._controller.command
-                )
+            self._ask_for_keyframe()
+        if report.resynchronised_pixels:
+            self._resynchronisations += 1
+            self.get_logger().warning(
+                f'resynchronised by a keyframe: {report.resynchronised_pixels} pixels put right'
             )
+
+    def _ask_for_keyframe(self) -> None:
+        if self._controller.synchrony is not Synchrony.EXACT:
+            self._request_publisher.publish(Empty())
+
+    # -- health ---------------------------------------------------------------------------------
+
+    def health(self) -> Health:
+        """Rates, estimator and thresholds; see `ManagedNode.health`."""
+        figures = self._design.figures
+        h = self._controller.event_threshold
+        event_rate = self._event_rate.read(self._events)
+        return Health(
+            troubles=self._troubles(h),
+            values={
+                'packets/s': f'{self._packet_rate.read(self._packets):.1f}',
+                'Mev/s': f'{event_rate * 1e-6:.6f}',
+                'share of ON': f'{self._on_events / max(self._events, 1):.3f}',
+                'events': self._events,
+                'events lost': self._lost_events,
+                'resynchronisations': self._resynchronisations,
+                'estimator': self._controller.synchrony.value,
+                'age of events [s]': f'{self.silence_s(topics.EVENTS):.3f}',
+                'h': h,
+                'h* (published)': figures.h_star,
+                'h_certified': figures.h_certified,
+                'h <= h*': h <= figures.h_star,
+                'h <= h_certified': h <= figures.h_certified,
+            },
         )
-        if self._estimate_publisher.get_subscription_count():
-            self._estimate_publisher.publish(pack_array(self._controller.estimate))
+
+    def _troubles(self, event_threshold: float) -> list[Trouble]:
+        troubles = []
+        if self.silence_s(topics.EVENTS) > _STALE_S:
+            troubles.append(Trouble(level=Level.STALE, message='no events arrive'))
+        if self._controller.synchrony is Synchrony.LOST:
+            troubles.append(Trouble(level=Level.ERROR, message='events lost, estimate biased'))
+        if self._misunderstood_threshold is not None:
+            troubles.append(Trouble(level=Level.ERROR, message='camera fires at another h'))
+        if event_threshold > self._design.figures.h_star:
+            troubles.append(Trouble(level=Level.WARN, message='h exceeds h*'))
+        return troubles
 
 
 def main() -> int:

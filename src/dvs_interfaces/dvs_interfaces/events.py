@@ -6,6 +6,7 @@ A record has 16 bytes and any PointCloud2 tool can read it; docs/wire_contract.m
 from __future__ import annotations
 
 import functools
+import struct
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +46,8 @@ _FIELDS = (
     ('sign', 13, _INT8),
 )
 _LABEL_FIELD = ('noise', 14, _UINT8)
-_AFTER_STAMP = 12
+_STAMP_AT, _AFTER_STAMP = 4, 12
+_NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,37 +119,45 @@ def pack_events(packet: EventPacket) -> bytes:
     packet
         Events to publish.
     """
-    data = packet.events
-    sections = _sections(data.dtype == LABELLED_EVENT_DTYPE)
-    writer = CdrWriter()
-    writer.stamp(packet.stamp_ns)
-    writer.section(sections.before_width)
-    writer.u32(len(data))
-    writer.section(sections.after_width)
-    writer.u32(EVENT_DTYPE.itemsize * len(data))
-    writer.octets(data.tobytes())
-    writer.u8(1)
-    return writer.finish()
+    data = np.ascontiguousarray(packet.events)
+    layout = _layout(data.dtype == LABELLED_EVENT_DTYPE)
+    size = len(data) * EVENT_DTYPE.itemsize
+    head = bytearray(layout.head)
+    struct.pack_into('<iI', head, _STAMP_AT, *divmod(packet.stamp_ns, _NANOSECONDS))
+    struct.pack_into('<I', head, layout.count_at, len(data))
+    struct.pack_into('<II', head, layout.size_at, size, size)
+    # One copy of the events, not one into a buffer that grows and one out of it.
+    return b''.join((head, data.view(np.uint8).data, b'\x01'))
 
 
 @dataclass(frozen=True, slots=True)
-class _Sections:
-    """What is the same in every packet: two runs of bytes around ``width``."""
+class _Layout:
+    """The bytes before the events, the same for all packets, and where they are not."""
 
-    before_width: bytes
-    after_width: bytes
+    head: bytes
+    count_at: int
+    size_at: int
+
+    @property
+    def before_count(self) -> bytes:
+        """Bytes between the stamp and the number of events."""
+        return self.head[_AFTER_STAMP : self.count_at]
+
+    @property
+    def after_count(self) -> bytes:
+        """Bytes between the number of events and the size of their data."""
+        return self.head[self.count_at + 4 : self.size_at]
 
 
 @functools.cache
-def _sections(labelled: bool) -> _Sections:
+def _layout(labelled: bool) -> _Layout:
     fields = (*_FIELDS, _LABEL_FIELD) if labelled else _FIELDS
     writer = CdrWriter()
     writer.stamp(0)
     writer.text(FRAME_ID)
     writer.u32(1)
-    before_width = writer.finish()[_AFTER_STAMP:]
+    count_at = writer.size
     writer.u32(0)
-    after_width = len(writer.finish())
     writer.u32(len(fields))
     for name, offset, datatype in fields:
         writer.text(name)
@@ -156,7 +166,10 @@ def _sections(labelled: bool) -> _Sections:
         writer.u32(1)
     writer.u8(0)
     writer.u32(EVENT_DTYPE.itemsize)
-    return _Sections(before_width, writer.finish()[after_width:])
+    size_at = writer.size
+    writer.u32(0)
+    writer.u32(0)
+    return _Layout(writer.finish(), count_at, size_at)
 
 
 def parse_events(message: bytes) -> EventPacket:
@@ -174,11 +187,11 @@ def parse_events(message: bytes) -> EventPacket:
     """
     reader = CdrReader(message)
     stamp_ns = reader.stamp()
-    ours = _sections(False)
+    ours = _layout(False)
     dtype, count = EVENT_DTYPE, 0
-    if reader.skip_section(ours.before_width):
+    if reader.skip_section(ours.before_count):
         count = reader.u32()
-        known = reader.skip_section(ours.after_width)
+        known = reader.skip_section(ours.after_count)
     else:
         reader.text()
         count = reader.u32() * reader.u32()

@@ -5,16 +5,20 @@ from __future__ import annotations
 import array
 import math
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -22,8 +26,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.timer import Timer
 
+from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.errors import ParameterError, SuiteError
+from dvs_interfaces.health import Health, Level, Trouble
 from dvs_interfaces.parameters import SCHEMA
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.schema import Kind, ParameterSpec, Value
@@ -39,6 +45,9 @@ _ROS_TYPE = {
 # Names that ROS itself puts into parameter files and overrides.
 _ROS_NAMES = ('use_sim_time', 'start_type_description_service')
 _ROS_PREFIXES = ('qos_overrides.',)
+_DIAGNOSTICS_S = 1.0
+# Timers of a node follow the wall clock, even where use_sim_time ties the node's clock to /clock.
+_WALL_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class ManagedNode(LifecycleNode):
@@ -76,11 +85,15 @@ class ManagedNode(LifecycleNode):
         self.exit_code: int | None = None
         self.rejected_messages = 0
         self.is_active = False
+        self._heard_s: dict[str, float] = {}
+        self._active_since_s = 0.0
+        self._accepted_change: Callable[[], None] | None = None
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
         self._schema = SCHEMA if own_parameters is None else SCHEMA.closed(own_parameters)
         self._specs = [*SCHEMA.of_node(executable), *(own_parameters or ())]
         self._foreign = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(self._make_change)
 
     # -- what a subclass implements -------------------------------------------------------------
 
@@ -104,6 +117,30 @@ class ManagedNode(LifecycleNode):
 
     def deactivate(self) -> None:
         """Stop acting and leave everything safe; called on deactivation."""
+
+    def change(self, scenario: Scenario) -> Callable[[], None]:
+        """Prepare a change of dynamic parameters while the node is active.
+
+        Parameters
+        ----------
+        scenario
+            All parameters with the change in them.
+
+        Returns
+        -------
+        Callable
+            Makes the change; called only if it is accepted.
+
+        Raises
+        ------
+        SuiteError
+            If the change can't be; nothing has changed then.
+        """
+        return lambda: None
+
+    def health(self) -> Health:
+        """State of the node for /diagnostics; asked once a second while it is active."""
+        return Health()
 
     # -- what a subclass uses -------------------------------------------------------------------
 
@@ -147,6 +184,7 @@ class ManagedNode(LifecycleNode):
         def guarded(message: bytes) -> None:
             if not self.is_active:
                 return
+            self._heard_s[topic] = time.monotonic()
             try:
                 handler(message)
             except MessageError as error:
@@ -179,9 +217,19 @@ class ManagedNode(LifecycleNode):
             if self.is_active:
                 callback()
 
-        timer = self.create_timer(period_s, guarded)
+        timer = self.create_timer(period_s, guarded, clock=_WALL_CLOCK)
         self._entities.append((self.destroy_timer, timer))
         return timer
+
+    def silence_s(self, topic: str) -> float:
+        """Wall-clock time since the last message on `topic`, or since activation, s.
+
+        Parameters
+        ----------
+        topic
+            Topic given to `listen`.
+        """
+        return time.monotonic() - self._heard_s.get(topic, self._active_since_s)
 
     def finish(self, exit_code: int, reason: str) -> None:
         """End the process after the current callback.
@@ -228,7 +276,7 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Configure; parameters that do not fit are reported in one message."""
-        if not self._succeeds(lambda: self.configure(self.scenario())):
+        if not self._succeeds(lambda: self._configure(self.scenario())):
             self._destroy_entities()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
@@ -236,6 +284,8 @@ class ManagedNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the valves."""
         self.is_active = True
+        self._active_since_s = time.monotonic()
+        self._heard_s.clear()
         if not self._succeeds(self.activate):
             self.is_active = False
             return TransitionCallbackReturn.FAILURE
@@ -256,6 +306,31 @@ class ManagedNode(LifecycleNode):
         self._stop_acting()
         self._destroy_entities()
         return super().on_shutdown(state)
+
+    def _configure(self, scenario: Scenario) -> None:
+        self.configure(scenario)
+        self._diagnostics = self.advertise(
+            DiagnosticArray, topics.DIAGNOSTICS, topics.stream_qos()
+        )
+        self.every(_DIAGNOSTICS_S, self._publish_health)
+
+    def _publish_health(self) -> None:
+        health = self.health()
+        troubles = list(health.troubles)
+        if self.rejected_messages:
+            troubles.append(Trouble(level=Level.WARN, message='messages refused'))
+        health = Health(
+            troubles=troubles, values={**health.values, 'messages refused': self.rejected_messages}
+        )
+        status = DiagnosticStatus(
+            level=bytes([health.level]),
+            name=self.get_fully_qualified_name()[1:],
+            message=health.message,
+            values=[KeyValue(key=key, value=str(value)) for key, value in health.values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
 
     def _succeeds(self, step: Callable[[], None]) -> bool:
         """Run a transition's work; rclpy would swallow what goes wrong in it."""
@@ -302,20 +377,26 @@ class ManagedNode(LifecycleNode):
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         specs = {spec.name: spec for spec in self._specs}
-        for parameter in parameters:
-            spec = specs.get(parameter.name)
-            if spec is None:
-                continue
-            if self.is_active and not spec.dynamic:
-                return SetParametersResult(
-                    successful=False,
-                    reason=f'{spec.name} can only change while the node is not active',
-                )
-            try:
-                spec.validate(_plain(parameter.value))
-            except ParameterError as error:
-                return SetParametersResult(successful=False, reason=str(error))
+        changes = {p.name: _plain(p.value) for p in parameters if p.name in specs}
+        fixed = [name for name in changes if self.is_active and not specs[name].dynamic]
+        if fixed:
+            return SetParametersResult(
+                successful=False,
+                reason=f'{", ".join(fixed)} can only change while the node is not active',
+            )
+        try:
+            for name, value in changes.items():
+                specs[name].validate(value)
+            if self.is_active and changes:
+                self._accepted_change = self.change(self.scenario().replace(**changes))
+        except SuiteError as error:
+            return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _make_change(self, parameters: list[Parameter]) -> None:
+        change, self._accepted_change = self._accepted_change, None
+        if change is not None:
+            change()
 
 
 def _plain(value: Any) -> Any:

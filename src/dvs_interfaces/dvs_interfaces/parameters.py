@@ -90,6 +90,7 @@ _MODEL = (
         kind=Kind.FLOATS,
         default=(0.2321, -0.0928),
         nodes=_LOOP,
+        dynamic=True,
         description='Set-point x_d, n entries (paper, eq. 2)',
     ),
     ParameterSpec(
@@ -107,6 +108,7 @@ _MODEL = (
         default=0.05,
         nodes=_LOOP,
         interval=POSITIVE,
+        dynamic=True,
         description='Tolerance eps: limsup ||x - x_d|| must stay below it (paper, Problem 1)',
     ),
 )
@@ -119,6 +121,7 @@ _SENSOR = (
         unit='log_b units',
         nodes=_PIXELS,
         interval=POSITIVE,
+        dynamic=True,
         description='Event threshold h (paper, eq. 3)',
     ),
     ParameterSpec(

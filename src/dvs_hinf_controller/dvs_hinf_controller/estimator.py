@@ -1,0 +1,114 @@
+"""The zero-order-hold estimator: from counted polarities to the estimate of every luminosity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_hinf_controller.sector import sector
+from dvs_interfaces.model import FloatArray, ReferenceBounds
+
+
+class Estimator:
+    """``z_i = s_i lambdabar_i rho^(-N_i)`` with the integer N_i (paper, eqs. 8, 9; Theorem 3).
+
+    Parameters
+    ----------
+    bounds
+        What is known of q(0).
+    event_threshold
+        h, in logarithms to the base b.
+    log_base
+        b.
+    """
+
+    def __init__(
+        self, bounds: ReferenceBounds, *, event_threshold: float, log_base: float
+    ) -> None:
+        self._log_base = log_base
+        self.counts: NDArray[np.int64] = np.zeros(bounds.lower.size, dtype=np.int64)
+        self.signs: NDArray[np.int8] = np.ones(bounds.lower.size, dtype=np.int8)
+        self._start_epoch(bounds, event_threshold)
+        self.estimate = self._initial.copy()
+
+    def _start_epoch(self, bounds: ReferenceBounds, event_threshold: float) -> None:
+        self._bounds = bounds
+        self.event_threshold = event_threshold
+        self._log_step = event_threshold * math.log(self._log_base)
+        self._initial = sector(
+            bounds, event_threshold=event_threshold, log_base=self._log_base
+        ).initial_estimate
+
+    def change_threshold(self, event_threshold: float) -> None:
+        """Go on with another threshold: the references stay, counting starts again at zero.
+
+        A reference that has been counted N times lies between ``m rho^-N`` and ``M rho^-N``: these
+        are the bounds of the new epoch.
+
+        Parameters
+        ----------
+        event_threshold
+            New h.
+        """
+        growth = np.exp(self.counts * self._log_step)
+        bounds = ReferenceBounds(
+            lower=self._bounds.lower * growth, upper=self._bounds.upper * growth
+        )
+        self.counts = np.zeros_like(self.counts)
+        self._start_epoch(bounds, event_threshold)
+        self.estimate = self.signs * self._initial
+
+    def adopt(self, counts: NDArray[np.int64], signs: NDArray[np.int8]) -> int:
+        """Take over counts from the sensor itself; return how many pixels they change.
+
+        Parameters
+        ----------
+        counts
+            N of every pixel, shape (r,).
+        signs
+            Sign of every reference, shape (r,).
+        """
+        wrong = np.flatnonzero((counts != self.counts) | (signs != self.signs))
+        self.counts[wrong] = counts[wrong]
+        self.signs[wrong] = signs[wrong]
+        self.estimate[wrong] = (
+            signs[wrong] * self._initial[wrong] * np.exp(counts[wrong] * self._log_step)
+        )
+        return int(wrong.size)
+
+    def apply(
+        self, pixels: NDArray[np.intp], polarities: NDArray[np.int8], signs: NDArray[np.int8]
+    ) -> FloatArray:
+        """Count events; return the jump of the mean estimate at each of them, shape (E,).
+
+        Parameters
+        ----------
+        pixels
+            Row-major pixel of every event in the order of time, shape (E,).
+        polarities
+            +1 or -1, shape (E,).
+        signs
+            Sign of the reference after the event, shape (E,).
+        """
+        order = np.argsort(pixels, kind='stable')
+        pixel, sign = pixels[order], signs[order]
+        is_first = np.ones(len(pixel), dtype=bool)
+        is_first[1:] = pixel[1:] != pixel[:-1]
+        running = np.cumsum(polarities[order], dtype=np.int64)
+        group = np.cumsum(is_first) - 1
+        before_group = np.concatenate(([0], running))[np.flatnonzero(is_first)]
+        counts = self.counts[pixel] + running - before_group[group]
+        after = sign * self._initial[pixel] * np.exp(counts * self._log_step)
+        before = np.empty_like(after)
+        before[1:] = after[:-1]
+        before[is_first] = self.estimate[pixel[is_first]]
+        is_last = np.ones(len(pixel), dtype=bool)
+        is_last[:-1] = is_first[1:]
+        self.counts[pixel[is_last]] = counts[is_last]
+        self.signs[pixel[is_last]] = sign[is_last]
+        self.estimate[pixel[is_last]] = after[is_last]
+        jumps: FloatArray = np.empty_like(after)
+        jumps[order] = (after - before) / self.estimate.size
+        return jumps

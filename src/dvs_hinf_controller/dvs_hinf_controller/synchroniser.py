@@ -1,0 +1,121 @@
+"""Does the estimator know every event? If not, a keyframe of the sensor puts it right, exactly."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_interfaces.events import INDEX_MODULUS
+from dvs_interfaces.keyframe import Keyframe
+
+# Packets that are kept while a keyframe is awaited; an older keyframe than these is of no use.
+_MEMORY = 1000
+
+
+class Synchrony(Enum):
+    """How far the estimator's counts can be trusted."""
+
+    UNVERIFIED = 'no keyframe yet'
+    EXACT = 'exact'
+    LOST = 'events lost'
+
+
+@dataclass(frozen=True, slots=True)
+class _Counted:
+    """What a packet did to the counts."""
+
+    stamp_ns: int
+    pixels: NDArray[np.intp]
+    polarities: NDArray[np.int8]
+    signs: NDArray[np.int8]
+
+
+class Synchroniser:
+    """Watches the running event number and fits keyframes to the packets around them."""
+
+    def __init__(self) -> None:
+        self.state = Synchrony.UNVERIFIED
+        self._next_index = 0
+        self._recent: deque[_Counted] = deque(maxlen=_MEMORY)
+        self._pending: Keyframe | None = None
+
+    def note(
+        self,
+        stamp_ns: int,
+        indices: NDArray[np.uint32],
+        pixels: NDArray[np.intp],
+        polarities: NDArray[np.int8],
+        signs: NDArray[np.int8],
+    ) -> int:
+        """Remember a packet; return how many events are missing before it.
+
+        Parameters
+        ----------
+        stamp_ns
+            Stamp of the packet, ns.
+        indices
+            Running event numbers, shape (E,).
+        pixels
+            Row-major pixel numbers, shape (E,).
+        polarities
+            +1 or -1, shape (E,).
+        signs
+            Signs of the references, shape (E,).
+        """
+        lost = 0
+        if len(indices):
+            lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
+            self._next_index = (int(indices[-1]) + 1) % INDEX_MODULUS
+        if lost:
+            self.state = Synchrony.LOST
+            self._recent.clear()
+        if self.state is not Synchrony.EXACT:
+            self._recent.append(_Counted(stamp_ns, pixels, polarities, signs))
+        return lost
+
+    def start_epoch(self) -> None:
+        """Forget packets and keyframes: the sensor counts from zero again."""
+        self._recent.clear()
+        self._pending = None
+
+    def offer(self, keyframe: Keyframe) -> None:
+        """Take a keyframe, of the past or of a packet still to come.
+
+        Parameters
+        ----------
+        keyframe
+            State of the sensor.
+        """
+        self._pending = keyframe
+
+    def resolve(self, stamp_ns: int) -> Keyframe | None:
+        """Counts that must hold at `stamp_ns`, if the last keyframe tells them.
+
+        Parameters
+        ----------
+        stamp_ns
+            Stamp of the last packet taken, ns.
+        """
+        keyframe = self._pending
+        if keyframe is None or keyframe.stamp_ns > stamp_ns:
+            return None
+        self._pending = None
+        if keyframe.stamp_ns < stamp_ns:
+            if not self._recent or keyframe.stamp_ns < self._recent[0].stamp_ns:
+                return None
+            keyframe = self._carried_on(keyframe, stamp_ns)
+        self.state = Synchrony.EXACT
+        self._recent.clear()
+        return keyframe
+
+    def _carried_on(self, keyframe: Keyframe, stamp_ns: int) -> Keyframe:
+        counts, signs = keyframe.counts.copy(), keyframe.signs.copy()
+        for packet in self._recent:
+            if packet.stamp_ns > keyframe.stamp_ns:
+                np.add.at(counts, packet.pixels, packet.polarities)
+                signs[packet.pixels] = packet.signs
+        return Keyframe(stamp_ns=stamp_ns, counts=counts, signs=signs)
