@@ -32,16 +32,14 @@ class CdrWriter:
     def __init__(self) -> None:
         self._buffer = bytearray(_LITTLE_ENDIAN_HEADER)
 
-<<<<<<< HEAD
     def section(self, octets: bytes) -> None:
         """Append bytes that were written before at the same offset."""
         self._buffer += octets
-=======
+
     @property
     def size(self) -> int:
         """Number of bytes so far, the encapsulation header included."""
         return len(self._buffer)
->>>>>>> camera
 
     def align(self, size: int) -> None:
         """Pad to a multiple of `size` bytes, counted from the end of the encapsulation header."""
