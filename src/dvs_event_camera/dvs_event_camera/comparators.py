@@ -91,6 +91,11 @@ class NumpyComparator:
         """N, the sum of polarities so far, shape (r,)."""
         return self._counts
 
+    @property
+    def positions(self) -> FloatArray:
+        """Levels of the last sample in steps above the first references, shape (r,)."""
+        return self._previous
+
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `Comparator.begin`."""
         self._start_ns, self._duration_ns = start_ns, duration_ns

@@ -115,6 +115,22 @@ class EventCamera:
         """Running number of the next event."""
         return self._index
 
+    def change_event_threshold(self, event_threshold: float) -> None:
+        """Fire at another threshold from the next frame on; see `PixelArray`.
+
+        Parameters
+        ----------
+        event_threshold
+            New h.
+
+        Raises
+        ------
+        ParameterError
+            If the pixels are not ideal ones.
+        """
+        if self._pixels is not None:
+            self._pixels.change_event_threshold(event_threshold)
+
     def take(self, frame: LuminosityFrame) -> Exposure | None:
         """Expose the pixels to a frame.
 

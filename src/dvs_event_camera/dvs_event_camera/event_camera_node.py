@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import array
 import importlib
-import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
-from std_msgs.msg import Int16MultiArray, MultiArrayDimension, MultiArrayLayout
+from sensor_msgs.msg import CompressedImage, Image, JointState, PointCloud2
+from std_msgs.msg import Empty, Int16MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.event_packet import pack_event_packet
@@ -21,15 +20,17 @@ from dvs_event_camera.renderer import EventRenderer
 from dvs_interfaces import topics
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.events import EventPacket, pack_events
+from dvs_interfaces.health import Health, Level, RateMeter, Trouble
+from dvs_interfaces.keyframe import Keyframe, pack_keyframe
 from dvs_interfaces.managed_node import ManagedNode
-from dvs_interfaces.messages import pack_image, parse_image
+from dvs_interfaces.messages import Vector, pack_command, pack_image, parse_image
 from dvs_interfaces.parameters import CAMERA
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.spin import run_nodes
 
 # How often the node looks whether anybody listens to its optional topics.
 _LOOK_S = 0.1
-_DIAGNOSTICS_S = 1.0
+_STALE_S = 2.0
 _START_FAILED = 2
 _INT16 = np.iinfo(np.int16)
 
@@ -72,10 +73,11 @@ class EventCameraNode(ManagedNode):
         if self._scenario['image_reliability'] == 'best_effort':
             qos.reliability = ReliabilityPolicy.BEST_EFFORT
         if self._scenario['compressed_input']:
-            topic = f'{topics.LUMINOSITY}/compressed'
-            self.listen(CompressedImage, topic, self._take_compressed, qos)
+            self._source = f'{topics.LUMINOSITY}/compressed'
+            self.listen(CompressedImage, self._source, self._take_compressed, qos)
         else:
-            self.listen(Image, topics.LUMINOSITY, self._take_image, qos)
+            self._source = topics.LUMINOSITY
+            self.listen(Image, self._source, self._take_image, qos)
 
     def activate(self) -> None:
         """Wait for the first sample."""
@@ -90,6 +92,25 @@ class EventCameraNode(ManagedNode):
         self._next_threshold: float | None = None
         self._polarity_wanted = self._image_wanted = self._packets_wanted = False
         self._look()
+
+    def change(self, scenario: Scenario) -> Callable[[], None]:
+        """Change threshold or display; see `ManagedNode.change`."""
+        pixels = self._camera.pixels
+        if pixels is not None and self._differs(scenario):
+            pixels.require_changeable_threshold()
+        return lambda: self._adopt(scenario)
+
+    def _differs(self, scenario: Scenario) -> bool:
+        return bool(scenario['event_threshold'] != self._scenario['event_threshold'])
+
+    def _adopt(self, scenario: Scenario) -> None:
+        if self._camera.pixels is None:
+            self._camera = EventCamera.of_scenario(scenario)
+        elif self._differs(scenario):
+            self._next_threshold = scenario['event_threshold']
+            scenario = scenario.replace(event_threshold=self._scenario['event_threshold'])
+        self._scenario = scenario
+        self._renderer = None
 
     # -- frames -----------------------------------------------------------------------------------
 
@@ -114,16 +135,37 @@ class EventCameraNode(ManagedNode):
             self.get_logger().warning(
                 f'sensor started again, all references with it: {exposure.restart_reason}'
             )
+        if exposure.started:
+            self._announce_threshold(frame.stamp_ns)
         for packet in exposure.packets:
             self._publish(packet)
+        self._change_threshold_after(frame.stamp_ns)
         self._publish_keyframe(frame.stamp_ns, due_now=exposure.started)
         self._report_invalid()
         if self._image_wanted:
             self._draw(exposure, frame.stamp_ns)
 
+    def _announce_threshold(self, after_ns: int) -> None:
+        h = np.array([self._scenario['event_threshold']])
+        self._threshold.publish(
+            pack_command(Vector(stamp_ns=after_ns, names=('event_threshold',), values=h))
+        )
+
+    def _change_threshold_after(self, stamp_ns: int) -> None:
+        """Fire at the new threshold from the next frame on, and say so before it comes."""
+        if self._next_threshold is None:
+            return
+        self._scenario = self._scenario.replace(event_threshold=self._next_threshold)
+        self._camera.change_event_threshold(self._next_threshold)
+        self._next_threshold = None
+        self._announce_threshold(stamp_ns)
+        self._next_keyframe_ns = 0
+
     def _publish(self, packet: EventPacket) -> None:
         plain = EventPacket(stamp_ns=packet.stamp_ns, events=without_labels(packet.events))
         self._events.publish(pack_events(plain))
+        if len(packet.events):
+            self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         if self._labels is not None:
             self._labels.publish(pack_events(packet))
         if self._polarity_wanted:
@@ -141,10 +183,22 @@ class EventCameraNode(ManagedNode):
         if not due_now and (not period_ns or stamp_ns < self._next_keyframe_ns):
             return
         self._next_keyframe_ns = stamp_ns + period_ns
+        self._send_keyframe(stamp_ns)
+
+    def _send_keyframe(self, stamp_ns: int) -> None:
         pixels = self._camera.pixels
         assert pixels is not None
-        counts = pixels.counts.reshape(self._camera.shape)
-        self._keyframe.publish(pack_image(stamp_ns, counts, '32SC1'))
+        height, width = self._camera.shape
+        keyframe = Keyframe(
+            stamp_ns=stamp_ns, counts=pixels.counts.astype(np.int64), signs=pixels.signs
+        )
+        signed = self._scenario['photoreceptor'] == 'signed_log'
+        self._keyframe.publish(pack_keyframe(keyframe, height=height, width=width, signed=signed))
+
+    def _answer_request(self, _: bytes) -> None:
+        pixels = self._camera.pixels
+        if pixels is not None and pixels.stamp_ns is not None:
+            self._send_keyframe(pixels.stamp_ns)
 
     def _report_invalid(self) -> None:
         if self._camera.invalid_samples and not self._invalid_reported:
@@ -180,37 +234,37 @@ class EventCameraNode(ManagedNode):
             self._next_image_ns = stamp_ns + round(1e9 / s['display_rate'])
             self._image.publish(pack_image(stamp_ns, self._renderer.draw(), 'bgr8'))
 
-    def _publish_diagnostics(self) -> None:
-        now, events = time.monotonic(), self._camera.event_count
-        before, events_before, restarts_before = self._reported
-        self._reported = (now, events, self._restarts)
-        rate = (events - events_before) / max(now - before, 1e-9)
-        trouble = []
-        if self._restarts > restarts_before:
-            trouble.append('sensor started again')
-        if self._camera.invalid_samples:
-            trouble.append('luminosity without a logarithm')
-        if self.rejected_messages:
-            trouble.append('messages refused')
-        values = {
-            'events': events,
-            'events per wall-clock second': f'{rate:.0f}',
-            'frames': self._frames,
-            'frames sent again': self._resent,
-            'restarts': self._restarts,
-            'pixel samples without a logarithm': self._camera.invalid_samples,
-            'messages refused': self.rejected_messages,
-            'size': '{} x {}'.format(*self._camera.shape),
-        }
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if trouble else DiagnosticStatus.OK,
-            name=f'{self.get_fully_qualified_name()[1:]}: events',
-            message='; '.join(trouble) or ('waiting for luminosity', 'ok')[self._frames > 0],
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    def health(self) -> Health:
+        """Rates and whatever disturbs the sensor; see `ManagedNode.health`."""
+        events = self._camera.event_count
+        rate = self._event_rate.read(events)
+        return Health(
+            troubles=self._troubles(),
+            values={
+                'Mev/s': f'{rate * 1e-6:.6f}',
+                'frames/s': f'{self._frame_rate.read(self._frames):.1f}',
+                'share of ON': f'{self._on_events / max(events, 1):.3f}',
+                'events': events,
+                'frames': self._frames,
+                'frames sent again': self._resent,
+                'restarts': self._restarts,
+                'pixel samples without a logarithm': self._camera.invalid_samples,
+                'size': '{} x {}'.format(*self._camera.shape),
+                'age of luminosity [s]': f'{self.silence_s(self._source):.3f}',
+                'h': self._scenario['event_threshold'],
+            },
         )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+
+    def _troubles(self) -> list[Trouble]:
+        troubles = []
+        if self.silence_s(self._source) > _STALE_S:
+            troubles.append(Trouble(level=Level.STALE, message='no luminosity arrives'))
+        if self._camera.invalid_samples:
+            troubles.append(Trouble(level=Level.ERROR, message='luminosity without a logarithm'))
+        if self._restarts > self._restarts_reported:
+            troubles.append(Trouble(level=Level.WARN, message='sensor started again'))
+        self._restarts_reported = self._restarts
+        return troubles
 
 
 def _net_polarity(packet: EventPacket, shape: tuple[int, int]) -> Int16MultiArray:

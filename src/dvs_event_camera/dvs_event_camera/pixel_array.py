@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dvs_event_camera.comparators import Comparator, ideal_comparator
+from dvs_event_camera.comparators import Comparator, NumpyComparator, ideal_comparator
 from dvs_event_camera.delay_line import DelayLine
 from dvs_event_camera.hermite import HermiteComparator
 from dvs_event_camera.imperfect_comparator import ImperfectComparator, NoiseLabels
@@ -27,6 +27,8 @@ from dvs_interfaces.model import FloatArray, ReferenceBounds
 
 # Pixels worked on at a time, so that their levels stay in the processor's cache.
 _TILE = 32768
+# Position of a level, in steps from its reference, at which a pixel is about to fire.
+_INSIDE = 1 - 1e-9
 
 
 class PixelArray:
@@ -84,6 +86,8 @@ class PixelArray:
         backend: str = 'auto',
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
+        self._log_base = log_base
+        self._invalid_before = 0
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
         self._imperfections = imperfections or Imperfections()
         self._interpolation = interpolation
@@ -128,7 +132,45 @@ class PixelArray:
     @property
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
-        return self._comparator.invalid
+        return self._invalid_before + self._comparator.invalid
+
+    def require_changeable_threshold(self) -> None:
+        """Raise `ParameterError` unless the threshold of these pixels can change on the way."""
+        ideal = self._interpolation == 'linear_log' and not self._imperfections.any
+        if not ideal or self._receptor.dead_band is not None:
+            raise ParameterError(
+                'event_threshold',
+                'new value',
+                'can change on the way for ideal pixels with linear_log interpolation only; '
+                'deactivate event_camera first',
+            )
+
+    def change_event_threshold(self, event_threshold: float) -> None:
+        """Fire at another threshold from now on: references stay, counting starts again at zero.
+
+        Where the level is already farther from its reference than the new threshold, the pixel
+        fires in the next interval.
+
+        Parameters
+        ----------
+        event_threshold
+            New h.
+
+        Raises
+        ------
+        ParameterError
+            If h is out of range or the pixels are not ideal ones.
+        """
+        self.require_changeable_threshold()
+        step = threshold_step(event_threshold, self._log_base)
+        comparator = self._comparator
+        assert isinstance(comparator, NumpyComparator)
+        origin = self.reference_levels
+        distance = (comparator.positions - comparator.counts) * self._step
+        position = np.clip(distance / step, -_INSIDE, _INSIDE)
+        self._invalid_before += comparator.invalid
+        self._origin, self._step = origin, step
+        self._comparator = ideal_comparator(self._backend, origin + position * step, origin, step)
 
     def update(self, stamp_ns: int, luminosity: ArrayLike) -> PixelEvents:
         """Take the next sample and return the events since the last one.

@@ -195,9 +195,7 @@ class EventController:
         events = packet.events
         pixels = events['y'].astype(np.intp) * self._problem.scene.width + events['x']
         polarities, signs = events['polarity'], events['sign']
-        lost = self._synchroniser.note(
-            packet.stamp_ns, events['index'], pixels, polarities, signs
-        )
+        lost = self._synchroniser.note(packet.stamp_ns, events['index'], pixels, polarities, signs)
         if len(events) == 0:
             self._hold(duration_ns)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
@@ -38,7 +39,7 @@ class HinfControllerNode(ManagedNode):
     Verifies its counts by the sensor's `keyframe` and asks for one after a late start or a loss.
     """
 
-    def __init__(self, **node_arguments: object) -> None:
+    def __init__(self, **node_arguments: Any) -> None:
         super().__init__(CONTROLLER, **node_arguments)
 
     # -- lifecycle and parameters ---------------------------------------------------------------
@@ -140,7 +141,9 @@ class HinfControllerNode(ManagedNode):
         if self._packets and self._controller.announce_threshold(
             announcement.stamp_ns, event_threshold
         ):
-            self.get_logger().info(f'event_camera goes from h = {running:g} to {event_threshold:g}')
+            self.get_logger().info(
+                f'event_camera goes from h = {running:g} to {event_threshold:g}'
+            )
             return
         self._misunderstood_threshold = event_threshold
         self.get_logger().error(

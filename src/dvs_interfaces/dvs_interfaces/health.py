@@ -11,8 +11,8 @@ from enum import IntEnum
 class Level(IntEnum):
     """Levels of diagnostic_msgs/DiagnosticStatus.
 
-    OK: all is well. WARN: it works, but somebody should look. ERROR: what the node says is wrong or
-    missing something. STALE: its input has stopped.
+    OK: all is well. WARN: it works, but somebody should look. ERROR: what the node says is wrong
+    or misses something. STALE: its input has stopped.
     """
 
     OK = 0

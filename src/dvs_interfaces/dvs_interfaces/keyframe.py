@@ -1,4 +1,4 @@
-"""What travels on `keyframe`: the counts of every pixel, which put a consumer right after a loss."""
+"""What travels on `keyframe`: the counts of every pixel, to be right again after a loss."""
 
 from __future__ import annotations
 
@@ -30,9 +30,7 @@ class Keyframe:
     signs: NDArray[np.int8]
 
 
-def pack_keyframe(
-    keyframe: Keyframe, *, height: int, width: int, signed: bool
-) -> bytes:
+def pack_keyframe(keyframe: Keyframe, *, height: int, width: int, signed: bool) -> bytes:
     """Serialized sensor_msgs/Image: `32SC1` with N, or `32SC2` with N and the sign.
 
     Parameters

@@ -28,7 +28,7 @@ from rclpy.timer import Timer
 
 from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.errors import ParameterError, SuiteError
+from dvs_interfaces.errors import SuiteError
 from dvs_interfaces.health import Health, Level, Trouble
 from dvs_interfaces.parameters import SCHEMA
 from dvs_interfaces.scenario import Scenario

@@ -508,6 +508,7 @@ _CAMERA_EXTRAS = (
         unit='Hz',
         nodes=_CAMERA,
         interval=POSITIVE,
+        dynamic=True,
         description='Rate of event_image in the time of the samples, while somebody looks',
     ),
     ParameterSpec(
@@ -516,6 +517,7 @@ _CAMERA_EXTRAS = (
         default='time_slice',
         nodes=_CAMERA,
         choices=('time_slice', 'surface'),
+        dynamic=True,
         description='event_image: net polarity since the last image, or an exponentially decaying '
         'surface',
     ),
@@ -526,6 +528,7 @@ _CAMERA_EXTRAS = (
         unit='s',
         nodes=_CAMERA,
         interval=POSITIVE,
+        dynamic=True,
         description='Time constant of the decaying surface',
     ),
     ParameterSpec(
@@ -534,6 +537,7 @@ _CAMERA_EXTRAS = (
         default='red_blue',
         nodes=_CAMERA,
         choices=('red_blue', 'orange_blue'),
+        dynamic=True,
         description='Colours of ON and OFF on dark ground; orange and blue are told apart by '
         'every kind of colour vision',
     ),

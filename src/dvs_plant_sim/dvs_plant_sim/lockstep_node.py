@@ -9,6 +9,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from dvs_interfaces import topics
+from dvs_interfaces.health import RateMeter, Trouble
 from dvs_interfaces.messages import pack_clock
 from dvs_interfaces.scenario import Scenario
 from dvs_plant_sim.handshake import Handshake
@@ -51,6 +52,7 @@ class LockstepDriver:
             period_ns=scenario.sampling_period_ns, last_sample=scenario.sample_count
         )
         self._pace = Pace(scenario['real_time_factor'])
+        self._cycle_rate = RateMeter()
         self._publish()
 
     def _publish(self) -> None:
@@ -85,6 +87,30 @@ class LockstepDriver:
             f'run of {stamp_ns * 1e-9:g} s finished: {cycles} cycles in {wall_s:.3f} s, '
             f'{cycles / wall_s:.0f} cycles/s',
         )
+
+    def adopt(self, scenario: Scenario) -> None:
+        """Take over changed parameters.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters.
+        """
+        self._scenario = scenario
+        self._pace.change(scenario['real_time_factor'])
+
+    def troubles(self) -> list[Trouble]:
+        """What is wrong with the handshake: nothing that the age of the command does not say."""
+        return []
+
+    def figures(self) -> dict[str, object]:
+        """Speed of the run since the last reading."""
+        cycles = self._cycle_rate.read(self._handshake.sample)
+        return {
+            'simulated time [s]': f'{self._handshake.stamp_ns * 1e-9:.6f}',
+            'cycles/s': f'{cycles:.1f}',
+            'real-time factor': f'{cycles * self._scenario["sampling_period"]:.3f}',
+        }
 
     def _publish_due(self) -> None:
         self._due.cancel()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ from sensor_msgs.msg import Image, JointState
 
 from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.health import Health, Level, Trouble
 from dvs_interfaces.managed_node import ManagedNode
 from dvs_interfaces.messages import Vector, pack_image, pack_state, parse_command
 from dvs_interfaces.model import FloatArray
@@ -22,6 +23,7 @@ from dvs_plant_sim.lockstep_node import LockstepDriver
 from dvs_plant_sim.realtime_node import RealtimeDriver
 
 _FAILURE = 1
+_STALE_S = 2.0
 
 
 class PlantNode(ManagedNode):
@@ -93,6 +95,31 @@ class PlantNode(ManagedNode):
         self.plant = self._disturbed_plant()
         self._nonphysical_samples = 0
         self._driver.start()
+
+    def change(self, scenario: Scenario) -> Callable[[], None]:
+        """Change pace, set-point or tolerance; see `ManagedNode.change`."""
+        scenario.equilibrium  # noqa: B018 -- refuses a set-point that can't be held
+        return lambda: self._adopt(scenario)
+
+    def _adopt(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._driver.adopt(scenario)
+
+    def health(self) -> Health:
+        """Speed, age of the command, luminosity; see `ManagedNode.health`."""
+        troubles = list(self._driver.troubles())
+        if self._nonphysical_samples:
+            troubles.append(Trouble(level=Level.ERROR, message='luminosity <= 0'))
+        if self.silence_s(topics.COMMAND) > _STALE_S:
+            troubles.append(Trouble(level=Level.STALE, message='no command arrives'))
+        return Health(
+            troubles=troubles,
+            values={
+                **self._driver.figures(),
+                'age of command [s]': f'{self.silence_s(topics.COMMAND):.3f}',
+                'samples with luminosity <= 0': self._nonphysical_samples,
+            },
+        )
 
     # -- what the drivers use -------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sensor_msgs.msg import JointState
 
 from dvs_interfaces import topics
+from dvs_interfaces.health import Level, RateMeter, Trouble
 from dvs_interfaces.scenario import Scenario
 from dvs_plant_sim.realtime import RealtimePlant
 
@@ -43,6 +44,40 @@ class RealtimeDriver:
         self._start_ns = self._now_ns()
         self._sample = 0
         self._stale = False
+        self._samples = self._skipped = self._skipped_reported = self._worst_delay_ns = 0
+        self._sample_rate = RateMeter()
+
+    def adopt(self, scenario: Scenario) -> None:
+        """Take over changed parameters.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters.
+        """
+        self._scenario = scenario
+        self._hold_input = scenario.equilibrium.feedforward
+
+    def troubles(self) -> list[Trouble]:
+        """A stale command, or samples that the machine was too slow for since the last reading."""
+        troubles = []
+        if self._stale:
+            troubles.append(Trouble(level=Level.WARN, message='command is stale'))
+        if self._skipped > self._skipped_reported:
+            troubles.append(Trouble(level=Level.WARN, message='samples skipped'))
+        self._skipped_reported = self._skipped
+        return troubles
+
+    def figures(self) -> dict[str, object]:
+        """Rate and jitter of the samples since the last reading."""
+        rate = self._sample_rate.read(self._samples)
+        worst_ns, self._worst_delay_ns = self._worst_delay_ns, 0
+        return {
+            'samples/s': f'{rate:.1f}',
+            'real-time factor': f'{rate * self._period_ns * 1e-9:.3f}',
+            'samples skipped': self._skipped,
+            'worst sampling jitter [ms]': f'{worst_ns * 1e-6:.3f}',
+        }
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
@@ -57,8 +92,11 @@ class RealtimeDriver:
         sample = (now_ns - self._start_ns) // self._period_ns
         if sample <= self._sample:
             return
+        self._skipped += sample - self._sample - 1
+        self._samples += 1
         self._sample = sample
         stamp_ns = self._start_ns + sample * self._period_ns
+        self._worst_delay_ns = max(self._worst_delay_ns, now_ns - stamp_ns)
         self._plant.advance_to(stamp_ns)
         self._watch_age(now_ns)
         if self._node.exit_code is None:
