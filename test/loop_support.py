@@ -12,7 +12,12 @@ from pathlib import Path
 
 import rclpy
 from ament_index_python.packages import get_package_prefix
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.experimental import EventsExecutor
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState, PointCloud2
 
 from dvs_interfaces import topics
@@ -133,3 +138,46 @@ def listening(domain: int) -> Iterator[Listener]:
         yield listener
     finally:
         listener.close()
+
+
+class Operator(Listener):
+    """Does what `ros2 lifecycle`, `ros2 param` and `ros2 topic echo` do."""
+
+    def call(self, kind: type, service: str, request: object) -> object:
+        client = self.node.create_client(kind, service)
+        assert self.spin_until(client.service_is_ready), f'no service {service}'
+        future = client.call_async(request)
+        assert self.spin_until(future.done), f'{service} does not answer'
+        self.node.destroy_client(client)
+        return future.result()
+
+    def transition(self, node: str, label: str) -> bool:
+        request = ChangeState.Request(transition=Transition(label=label))
+        return self.call(ChangeState, f'{node}/change_state', request).success
+
+    def lifecycle_state(self, node: str) -> str:
+        return self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label
+
+    def set_parameters(self, node: str, **values: object) -> SetParametersResult:
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        return self.call(
+            SetParametersAtomically, f'{node}/set_parameters_atomically', request
+        ).result
+
+    def hear(self, kind: type, topic: str, qos: object = 10) -> list:
+        """List that grows with the messages of a topic."""
+        heard: list = []
+        self.node.create_subscription(kind, topic, heard.append, qos)
+        return heard
+
+
+@contextmanager
+def operating(domain: int) -> Iterator[Operator]:
+    operator = Operator(domain)
+    try:
+        yield operator
+    finally:
+        operator.close()

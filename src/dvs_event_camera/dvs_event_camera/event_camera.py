@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -66,6 +67,7 @@ class EventCamera:
         self, make_pixels: Callable[[FloatArray, float], PixelArray], *, backend: str = 'auto'
     ) -> None:
         self._make_pixels = make_pixels
+        self._backend = backend
         self._compiled = may_compile(backend)
         self._pixels: PixelArray | None = None
         self._shape: tuple[int, int] = (0, 0)
@@ -89,7 +91,7 @@ class EventCamera:
             If parameters do not fit together.
         """
         camera = cls(
-            lambda y, darkest: pixels_of_scenario(scenario, y, darkest, backend), backend=backend
+            functools.partial(pixels_of_scenario, scenario, backend=backend), backend=backend
         )
         pixels_of_scenario(scenario, np.ones(1), 0.0, backend, bounds=False)
         return camera
@@ -115,21 +117,22 @@ class EventCamera:
         """Running number of the next event."""
         return self._index
 
-    def change_event_threshold(self, event_threshold: float) -> None:
-        """Fire at another threshold from the next frame on; see `PixelArray`.
+    def change_event_threshold(self, scenario: Scenario) -> None:
+        """Fire at another threshold from the next frame on, and after a restart too.
 
         Parameters
         ----------
-        event_threshold
-            New h.
+        scenario
+            Parameters with the new threshold.
 
         Raises
         ------
         ParameterError
             If the pixels are not ideal ones.
         """
+        self._make_pixels = functools.partial(pixels_of_scenario, scenario, backend=self._backend)
         if self._pixels is not None:
-            self._pixels.change_event_threshold(event_threshold)
+            self._pixels.change_event_threshold(scenario['event_threshold'])
 
     def take(self, frame: LuminosityFrame) -> Exposure | None:
         """Expose the pixels to a frame.

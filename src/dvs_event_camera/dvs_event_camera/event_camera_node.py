@@ -90,6 +90,7 @@ class EventCameraNode(ManagedNode):
         self._event_rate, self._frame_rate = RateMeter(), RateMeter()
         self._restarts_reported = self._on_events = 0
         self._next_threshold: float | None = None
+        self._announced_threshold: float | None = None
         self._polarity_wanted = self._image_wanted = self._packets_wanted = False
         self._look()
 
@@ -121,6 +122,9 @@ class EventCameraNode(ManagedNode):
         self._take(parse_compressed(message))
 
     def _take(self, frame: LuminosityFrame) -> None:
+        pixels = self._camera.pixels
+        if pixels is None or frame.stamp_ns != pixels.stamp_ns:
+            self._change_threshold()
         try:
             exposure = self._camera.take(frame)
         except ParameterError as error:
@@ -136,30 +140,34 @@ class EventCameraNode(ManagedNode):
                 f'sensor started again, all references with it: {exposure.restart_reason}'
             )
         if exposure.started:
-            self._announce_threshold(frame.stamp_ns)
+            self._announce_threshold(frame.stamp_ns, self._scenario['event_threshold'])
+        self._announce_change(frame.stamp_ns)
         for packet in exposure.packets:
             self._publish(packet)
-        self._change_threshold_after(frame.stamp_ns)
         self._publish_keyframe(frame.stamp_ns, due_now=exposure.started)
         self._report_invalid()
         if self._image_wanted:
             self._draw(exposure, frame.stamp_ns)
 
-    def _announce_threshold(self, after_ns: int) -> None:
-        h = np.array([self._scenario['event_threshold']])
+    def _announce_threshold(self, after_ns: int, event_threshold: float) -> None:
+        h = np.array([event_threshold])
         self._threshold.publish(
             pack_command(Vector(stamp_ns=after_ns, names=('event_threshold',), values=h))
         )
 
-    def _change_threshold_after(self, stamp_ns: int) -> None:
-        """Fire at the new threshold from the next frame on, and say so before it comes."""
-        if self._next_threshold is None:
+    def _change_threshold(self) -> None:
+        """Fire at the threshold that was announced with the last frame."""
+        if self._announced_threshold is None:
             return
-        self._scenario = self._scenario.replace(event_threshold=self._next_threshold)
-        self._camera.change_event_threshold(self._next_threshold)
-        self._next_threshold = None
-        self._announce_threshold(stamp_ns)
-        self._next_keyframe_ns = 0
+        self._scenario = self._scenario.replace(event_threshold=self._announced_threshold)
+        self._camera.change_event_threshold(self._scenario)
+        self._announced_threshold = None
+
+    def _announce_change(self, stamp_ns: int) -> None:
+        """Say before the next frame at which threshold it will be seen."""
+        self._announced_threshold, self._next_threshold = self._next_threshold, None
+        if self._announced_threshold is not None:
+            self._announce_threshold(stamp_ns, self._announced_threshold)
 
     def _publish(self, packet: EventPacket) -> None:
         plain = EventPacket(stamp_ns=packet.stamp_ns, events=without_labels(packet.events))

@@ -249,11 +249,14 @@ class ManagedNode(LifecycleNode):
         else:
             self.get_logger().info(reason)
 
-    def flush(self) -> None:
-        """Wait, for a second at most, until every reader has what was published."""
+    def close(self) -> None:
+        """Stop safely from whatever state, let readers get what was published, and go."""
+        self._stop_acting()
         for _, entity in self._entities:
             if isinstance(entity, Publisher):
                 entity.wait_for_all_acked(Duration(seconds=1))
+        self._destroy_entities()
+        self.destroy_node()
 
     @property
     def autostart(self) -> bool:

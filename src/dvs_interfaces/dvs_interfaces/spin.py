@@ -76,9 +76,7 @@ def run_nodes(
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         for node in nodes:
-            node.flush()
-            node.trigger_shutdown()
-            node.destroy_node()
+            node.close()
         rclpy.try_shutdown()
 
 

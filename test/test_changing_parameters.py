@@ -1,0 +1,108 @@
+"""What can sensibly change while the loop runs does; the rest is refused with a reason."""
+
+import numpy as np
+from loop_support import operating, ros_arguments, start, stop
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Float64MultiArray
+
+from dvs_hinf_controller.sector import sector
+from dvs_interfaces.scenario import Scenario
+
+NODES = ('plant_sim', 'event_camera', 'hinf_controller')
+# On the line of stabilizable set-points, brighter than the scenario's.
+OTHER_SET_POINT = [0.3, -0.12]
+
+
+def start_loop(domain, processes):
+    for executable in NODES:
+        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+
+
+def settle(operator, states, samples=1500):
+    seen = len(states)
+    assert operator.spin_until(lambda: len(states) > seen + samples, timeout_s=60)
+
+
+def error(states, set_point):
+    recent = np.array([np.array(state.position) for state in states[-300:]])
+    return np.linalg.norm(recent - np.array(set_point), axis=1).max()
+
+
+def test_a_new_set_point_is_reached_and_a_bad_one_changes_nothing(domain, processes):
+    start_loop(domain, processes)
+    with operating(domain) as operator:
+        states = operator.hear(JointState, 'state', 100)
+        settle(operator, states)
+        assert error(states, [0.2321, -0.0928]) < 0.05
+
+        refused = operator.set_parameters('hinf_controller', set_point=[1.0, 1.0])
+        assert not refused.successful
+        assert 'nearest stabilizable set-point' in refused.reason
+        settle(operator, states, 500)
+        assert error(states, [0.2321, -0.0928]) < 0.05
+
+        assert operator.set_parameters('hinf_controller', set_point=OTHER_SET_POINT).successful
+        settle(operator, states)
+        assert error(states, OTHER_SET_POINT) < 0.05
+        assert error(states, [0.2321, -0.0928]) > 0.05
+
+
+def test_a_new_threshold_keeps_the_estimate_in_its_sector(domain, processes):
+    start_loop(domain, processes)
+    with operating(domain) as operator:
+        luminosities = operator.hear(Image, 'luminosity', 100)
+        estimates = operator.hear(Float64MultiArray, 'estimate', 100)
+        settle(operator, luminosities, 800)
+        refused = operator.set_parameters('hinf_controller', event_threshold=0.1)
+        assert not refused.successful
+        assert 'changes on event_camera' in refused.reason
+
+        for threshold in (0.08, 0.12):
+            assert operator.set_parameters('event_camera', event_threshold=threshold).successful
+            settle(operator, luminosities, 800)
+            bound = sector(
+                Scenario.from_values({}).model_reference_bounds,
+                event_threshold=threshold,
+                log_base=np.e,
+            ).error_bound
+            # Samples and estimates share no stamp, so a whole limit cycle of each is compared.
+            y = np.array([np.frombuffer(image.data) for image in luminosities[-600:]])
+            z = np.array([estimate.data for estimate in estimates[-600:]])
+            assert np.all(z.max(0) <= (1 + bound) * y.max(0))
+            assert np.all(z.min(0) >= (1 - bound) * y.min(0))
+    for process in processes:
+        code, output = stop(process)
+        assert code == 0, output
+        assert 'the estimate is wrong' not in output
+    assert 'goes from h = 0.08 to 0.12' in output
+
+
+def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
+    start_loop(domain, processes)
+    with operating(domain) as operator:
+        states = operator.hear(JointState, 'state', 100)
+        settle(operator, states, 200)
+        refused = operator.set_parameters('plant_sim', real_time_factor=2.0, sampling_period=0.01)
+        assert not refused.successful
+        assert 'sampling_period can only change while the node is not active' in refused.reason
+
+        wrong = operator.set_parameters('plant_sim', real_time_factor=-1.0)
+        assert not wrong.successful
+
+        # At a twentieth of real time, 1 kHz samples come at 50 Hz.
+        assert operator.set_parameters('plant_sim', real_time_factor=0.05).successful
+        operator.spin_until(lambda: False, timeout_s=0.3)
+        before = len(states)
+        operator.spin_until(lambda: False, timeout_s=1.0)
+        assert 20 < len(states) - before < 80
+
+
+def test_two_different_thresholds_are_an_error(domain, processes):
+    processes.append(start('plant_sim', domain))
+    processes.append(start('event_camera', domain, ros_arguments({'event_threshold': 0.1})))
+    processes.append(start('hinf_controller', domain))
+    with operating(domain) as operator:
+        states = operator.hear(JointState, 'state', 100)
+        settle(operator, states, 100)
+    _, output = stop(processes[-1])
+    assert 'event_camera fires at h = 0.1, the estimator counts at h = 0.15' in output

@@ -1,0 +1,86 @@
+"""/diagnostics: each level is reached, for a reason."""
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from loop_support import operating, ros_arguments, start, stop
+
+NODES = ('plant_sim', 'event_camera', 'hinf_controller')
+
+
+def latest(messages, node):
+    found = [m.status[0] for m in messages if m.status[0].name == node]
+    return found[-1] if found else None
+
+
+def reaches(operator, messages, node, level, text='', timeout_s=30):
+    def condition():
+        status = latest(messages, node)
+        return status is not None and status.level == level and text in status.message
+
+    return operator.spin_until(condition, timeout_s)
+
+
+def values(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_a_running_loop_is_ok_and_goes_stale_without_its_plant(domain, processes):
+    for executable in NODES:
+        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        for node in NODES:
+            assert reaches(operator, messages, node, DiagnosticStatus.OK, 'ok'), node
+        time.sleep(1.2)
+        operator.spin_until(lambda: False, timeout_s=1.0)
+        plant = values(latest(messages, 'plant_sim'))
+        assert float(plant['cycles/s']) > 10
+        assert float(plant['real-time factor']) > 0.01
+        assert 'age of command [s]' in plant
+        camera = values(latest(messages, 'event_camera'))
+        assert 0 < float(camera['share of ON']) < 1
+        assert float(camera['Mev/s']) >= 0
+        controller = values(latest(messages, 'hinf_controller'))
+        assert controller['estimator'] == 'exact'
+        assert controller['h <= h*'] == 'True'
+        assert float(controller['h_certified']) < float(controller['h* (published)'])
+        assert controller['events lost'] == '0'
+
+        stop(processes[0])
+        for node in NODES[1:]:
+            assert reaches(operator, messages, node, DiagnosticStatus.STALE), node
+
+
+def test_a_plant_without_partners_is_stale(domain, processes):
+    processes.append(start('plant_sim', domain))
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        assert reaches(operator, messages, 'plant_sim', DiagnosticStatus.STALE, 'no command')
+
+
+def test_a_threshold_above_h_star_is_a_warning(domain, processes):
+    for executable in NODES:
+        arguments = ros_arguments({'duration': 0.0, 'event_threshold': 0.2})
+        processes.append(start(executable, domain, arguments))
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        assert reaches(
+            operator, messages, 'hinf_controller', DiagnosticStatus.WARN, 'h exceeds h*'
+        )
+
+
+def test_luminosity_without_logarithm_is_an_error(domain, processes):
+    # The set-point of the printed example is dark: y would be negative there.
+    parameters = {
+        'duration': 0.0,
+        'initial_state': '[0.0179, 0.3428]',
+        'set_point': '[-0.2321, 0.0928]',
+        'nonphysical_luminosity': 'publish',
+    }
+    for executable in NODES:
+        processes.append(start(executable, domain, ros_arguments(parameters)))
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        for node in ('plant_sim', 'event_camera'):
+            assert reaches(operator, messages, node, DiagnosticStatus.ERROR, 'luminosity'), node

@@ -1,0 +1,119 @@
+"""A controller that starts late, or loses events, becomes exact again by a keyframe."""
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from loop_support import CONFIG, operating, ros_arguments, start, stop
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Empty, Float64MultiArray
+from test_health import latest, reaches
+
+from dvs_hinf_controller.sector import sector
+from dvs_interfaces import topics
+from dvs_interfaces.events import EventPacket, make_events, pack_events
+from dvs_interfaces.keyframe import Keyframe, pack_keyframe
+from dvs_interfaces.scenario import load_scenario
+
+SCENARIO = load_scenario(CONFIG / 'mirror_r3.yaml')
+
+
+def packet(stamp_ns, pixels, polarities, first_index):
+    count = len(pixels)
+    events = make_events(
+        times_ns=np.full(count, stamp_ns, dtype=np.int64),
+        pixels=np.array(pixels, dtype=np.int32),
+        polarities=np.array(polarities, dtype=np.int8),
+        signs=np.ones(count, dtype=np.int8),
+        width=3,
+        stamp_ns=stamp_ns,
+        first_index=first_index,
+    )
+    return pack_events(EventPacket(stamp_ns=stamp_ns, events=events))
+
+
+def expected_estimate(counts):
+    constants = sector(
+        SCENARIO.model_reference_bounds, event_threshold=0.15, log_base=SCENARIO['log_base']
+    )
+    return constants.initial_estimate * np.exp(np.array(counts) * 0.15)
+
+
+def test_a_gap_is_noticed_asked_about_and_put_right(domain, processes):
+    controller = start('hinf_controller', domain)
+    processes.append(controller)
+    with operating(domain) as operator:
+        estimates = operator.hear(Float64MultiArray, 'estimate', 100)
+        requests = operator.hear(Empty, 'keyframe_request', 100)
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        events = operator.node.create_publisher(
+            PointCloud2, 'events', topics.handshake_qos('lockstep')
+        )
+        keyframes = operator.node.create_publisher(Image, 'keyframe', topics.latched_qos(depth=1))
+
+        def send(message):
+            heard = len(estimates)
+            events.publish(message)
+            assert operator.spin_until(lambda: len(estimates) > heard)
+
+        def keyframe(stamp_ns, counts):
+            state = Keyframe(
+                stamp_ns=stamp_ns, counts=np.array(counts), signs=np.ones(3, dtype=np.int8)
+            )
+            keyframes.publish(pack_keyframe(state, height=1, width=3, signed=False))
+
+        assert operator.spin_until(lambda: events.get_subscription_count() == 1)
+        assert operator.spin_until(lambda: operator.node.count_publishers('estimate') == 1)
+        operator.spin_until(lambda: False, timeout_s=0.5)
+        send(packet(0, [], [], 0))
+        keyframe(0, [0, 0, 0])
+        send(packet(1_000_000, [0, 1], [1, -1], 0))
+        assert np.allclose(estimates[-1].data, expected_estimate([1, -1, 0]), rtol=1e-14)
+
+        # Three events, numbers 2 to 4, never arrive.
+        requests.clear()
+        send(packet(3_000_000, [2], [1], 5))
+        assert operator.spin_until(lambda: requests)
+        assert reaches(operator, messages, 'hinf_controller', DiagnosticStatus.ERROR, 'lost')
+        send(packet(4_000_000, [0], [1], 6))
+        keyframe(3_000_000, [4, -1, 1])
+        assert reaches(operator, messages, 'hinf_controller', DiagnosticStatus.OK)
+        send(packet(5_000_000, [], [], 7))
+
+        assert np.array_equal(estimates[-1].data, expected_estimate([5, -1, 1]))
+        figures = {v.key: v.value for v in latest(messages, 'hinf_controller').values}
+        assert figures['events lost'] == '3'
+        assert figures['resynchronisations'] == '1'
+    _, output = stop(controller)
+    assert '3 events were lost before 0.003000 s' in output
+    assert 'resynchronised by a keyframe: 1 pixels put right' in output
+
+
+def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
+    arguments = ros_arguments(
+        {
+            'mode': 'realtime',
+            'sampling_period': 0.004,
+            'duration': 0.0,
+            'nonphysical_luminosity': 'clamp',
+        }
+    )
+    for executable in ('event_camera', 'hinf_controller', 'plant_sim'):
+        processes.append(
+            start(executable, domain, [*arguments, '-p', 'nonphysical_luminosity:=clamp'])
+        )
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        assert reaches(operator, messages, 'hinf_controller', DiagnosticStatus.OK)
+        operator.spin_until(lambda: False, timeout_s=1.0)
+        stop(processes[1])
+        late = start('hinf_controller', domain, arguments)
+        processes.append(late)
+        messages.clear()
+
+        assert operator.spin_until(
+            lambda: (
+                (status := latest(messages, 'hinf_controller')) is not None
+                and any(v.key == 'estimator' and v.value == 'exact' for v in status.values)
+            )
+        )
+    _, output = stop(late)
+    assert 'resynchronised by a keyframe' in output

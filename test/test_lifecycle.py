@@ -1,0 +1,82 @@
+"""All three nodes are managed: every transition, failed ones and repeated cycles included."""
+
+import pytest
+from loop_support import operating, ros_arguments, start, stop
+
+from dvs_interfaces import topics
+
+NODES = ('plant_sim', 'event_camera', 'hinf_controller')
+BAD = {
+    'plant_sim': {'set_point': [1.0, 1.0]},
+    'event_camera': {'photoreceptor': 'signed_log', 'interpolation': 'hermite'},
+    'hinf_controller': {'reference_lower': [0.6], 'reference_upper': [0.5]},
+}
+GOOD = {
+    'plant_sim': {'set_point': [0.2321, -0.0928]},
+    'event_camera': {'photoreceptor': 'log', 'interpolation': 'linear_log'},
+    'hinf_controller': {'reference_lower': [0.4], 'reference_upper': [0.6]},
+}
+
+
+@pytest.mark.parametrize('executable', NODES)
+def test_a_node_follows_every_transition_and_repeats_the_cycle(executable, domain, processes):
+    process = start(executable, domain, ros_arguments({'autostart': False}))
+    processes.append(process)
+    with operating(domain) as operator:
+        assert operator.lifecycle_state(executable) == 'unconfigured'
+        for _ in range(2):
+            assert operator.transition(executable, 'configure')
+            assert operator.lifecycle_state(executable) == 'inactive'
+            assert operator.transition(executable, 'activate')
+            assert operator.lifecycle_state(executable) == 'active'
+            assert operator.transition(executable, 'deactivate')
+            assert operator.transition(executable, 'activate')
+            assert operator.transition(executable, 'deactivate')
+            assert operator.lifecycle_state(executable) == 'inactive'
+            assert operator.transition(executable, 'cleanup')
+            assert operator.lifecycle_state(executable) == 'unconfigured'
+        assert not operator.transition(executable, 'activate')
+        assert operator.transition(executable, 'shutdown')
+        assert operator.lifecycle_state(executable) == 'finalized'
+    code, output = stop(process)
+    assert code == 0, output
+    assert 'Traceback' not in output
+
+
+@pytest.mark.parametrize('executable', NODES)
+def test_a_failed_configuration_can_be_mended(executable, domain, processes):
+    process = start(executable, domain, ros_arguments({'autostart': False}))
+    processes.append(process)
+    with operating(domain) as operator:
+        assert operator.set_parameters(executable, **BAD[executable]).successful
+        assert not operator.transition(executable, 'configure')
+        assert operator.lifecycle_state(executable) == 'unconfigured'
+        assert operator.set_parameters(executable, **GOOD[executable]).successful
+        assert operator.transition(executable, 'configure')
+        assert operator.transition(executable, 'activate')
+        assert operator.lifecycle_state(executable) == 'active'
+    code, output = stop(process)
+    assert code == 0, output
+    assert 'FATAL' in output.upper()
+    assert 'Traceback' not in output
+
+
+def test_the_loop_stops_and_goes_on_with_its_controller(domain, processes):
+    for executable in NODES:
+        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+    with operating(domain) as operator:
+        commands = operator.streams[topics.COMMAND]
+        assert operator.spin_until(lambda: len(commands) > 200)
+        assert operator.transition('hinf_controller', 'deactivate')
+        operator.spin_until(lambda: False, timeout_s=0.3)
+        stopped = len(commands)
+        operator.spin_until(lambda: False, timeout_s=0.5)
+        assert len(commands) == stopped
+        assert operator.transition('plant_sim', 'deactivate')
+        assert operator.transition('event_camera', 'deactivate')
+        for executable in ('hinf_controller', 'event_camera', 'plant_sim'):
+            assert operator.transition(executable, 'activate')
+        assert operator.spin_until(lambda: len(commands) > stopped + 200)
+    for process in processes:
+        code, output = stop(process)
+        assert code == 0, output

@@ -1,0 +1,48 @@
+"""Camera and estimator change the threshold together and stay in the sector of Lemma 4."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.image_source import luminosity_of
+from dvs_hinf_controller.design import design_from_scenario
+from dvs_hinf_controller.event_controller import EventController
+from dvs_hinf_controller.sector import sector
+from dvs_interfaces.messages import pack_image, parse_image
+from dvs_interfaces.scenario import Scenario
+
+SCENARIO = Scenario.from_values({})
+DESIGN = design_from_scenario(SCENARIO)
+PERIOD_NS = 1_000_000
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    thresholds=st.lists(st.floats(0.02, 0.4), min_size=1, max_size=3),
+    steps=st.lists(st.floats(-0.2, 0.2), min_size=60, max_size=60),
+)
+def test_the_estimate_stays_in_its_sector_through_changes(thresholds, steps):
+    camera = EventCamera.of_scenario(SCENARIO)
+    controller = EventController(
+        DESIGN.problem, DESIGN.controller, event_threshold=0.15, command_limit=np.array([np.inf])
+    )
+    first = SCENARIO.scene.luminosity(SCENARIO.model, SCENARIO.initial_state)
+    walk = np.concatenate([[0.0], np.cumsum(steps)])
+    changes = dict(zip((15, 30, 45), thresholds, strict=False))
+    for k, level in enumerate(walk):
+        stamp_ns = k * PERIOD_NS
+        y = first * np.exp(level)
+        frame = luminosity_of(parse_image(pack_image(stamp_ns, y.reshape(1, 3), '64FC1')))
+        for packet in camera.take(frame).packets:
+            controller.take(packet)
+        bound = sector(
+            DESIGN.problem.bounds,
+            event_threshold=controller.event_threshold,
+            log_base=SCENARIO['log_base'],
+        ).error_bound
+        ratio = np.abs(controller.estimate - y) / (bound * y)
+        assert ratio.max() <= 1 + 1e-9
+        if k in changes:
+            camera.change_event_threshold(SCENARIO.replace(event_threshold=changes[k]))
+            assert controller.announce_threshold(stamp_ns, changes[k])
