@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from dvs_hinf_controller.controller import LinearController
 from dvs_interfaces.model import FloatArray, PlantModel
@@ -48,7 +49,7 @@ class _SampledLoop:
 
     flow: FloatArray
     start: FloatArray
-    kept: FloatArray
+    kept: NDArray[np.intp]
 
     @classmethod
     def of(cls, model: PlantModel, controller: LinearController, gain: float) -> _SampledLoop:

@@ -43,7 +43,7 @@ def one_input_gains(model: PlantModel, s: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def nevanlinna_pick_optimum(model: PlantModel, *, structured: bool) -> float:
-    """Infimum of ``sup ||G||`` or of mu for one input, by interpolation instead of Riccati equations.
+    """Infimum of ``sup ||G||`` or of mu for one input, by interpolation, not Riccati equations.
 
     T(p) = -1 at unstable poles and T(z) = 0 at right half plane zeros, real and distinct; the
     weight is the outer function with ``|V| = ||G||/|T|`` or ``1 + ||G||/|T|``.

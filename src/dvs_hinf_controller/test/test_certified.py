@@ -88,7 +88,7 @@ def test_no_sector_trajectory_leaves_the_tolerance(
 
 
 def test_published_threshold_is_no_guarantee(paper_problem: Make) -> None:
-    """A low static gain raises h*, not h_certified: a Delta within delta* leaves the tolerance."""
+    """A low static gain raises h*, not h_certified: some Delta within delta* breaks eps."""
     problem = paper_problem(1, mirror=True)
     options = DesignOptions(gamma_slack=0.2)
     design = design_controller(problem, method='unstructured', options=options)

@@ -167,17 +167,20 @@ def test_options_name_what_is_wrong(name: str, value: float) -> None:
 
 
 @pytest.mark.parametrize('method', ['unstructured', 'structured'])
-def test_bandwidth_limit_slows_the_loop(paper_problem: Make, method: str) -> None:
+def test_bandwidth_limit_caps_the_control_effort(paper_problem: Make, method: str) -> None:
+    """The cost on u keeps ``sup |u/w|`` below about ``||G|| bandwidth / ||B||``."""
     free = design_controller(paper_problem(1), method=method)
     slow = design_controller(
         paper_problem(1), method=method, options=DesignOptions(bandwidth_limit=40.0)
     )
-    w = np.array([300.0])
-    tails = [
-        np.linalg.norm(state_response(d.problem.model, d.controller).response(w))
-        for d in (free, slow)
-    ]
-    assert tails[1] < 0.9 * tails[0]
+    w = np.geomspace(0.1, 1e5, 400)
+    efforts = []
+    for design in (free, slow):
+        model = design.problem.model
+        t = state_response(model, design.controller).response(w)[:, :, 0] @ model.output_vector
+        efforts.append(np.abs(design.controller.response(w)[:, 0] * (1 + t)).max())
+    assert efforts[1] <= slow.figures.mu_upper * 40.0 / math.sqrt(2)
+    assert efforts[1] < 0.7 * efforts[0]
     assert slow.figures.gamma > free.figures.gamma
     assert slow.figures.closed_loop_abscissa < 0
 
