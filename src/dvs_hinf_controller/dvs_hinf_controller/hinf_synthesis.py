@@ -94,7 +94,31 @@ def hinf_synthesis(
     require_assumptions(plant)
     tests: list[GammaTest] = []
     optimal = _least_gamma(plant, rtol, tests)
-    gamma = optimal * (1 + slack)
+    return _synthesis_at(plant, optimal * (1 + slack), optimal, tests)
+
+
+def hinf_synthesis_at(plant: GeneralizedPlant, gamma: float) -> HinfSynthesis:
+    """Central controller with ``||F_l(P, K)||_inf < gamma``, without a search.
+
+    Parameters
+    ----------
+    plant
+        P, with D11 = 0 and D22 = 0.
+    gamma
+        Level.
+
+    Raises
+    ------
+    SynthesisError
+        If an assumption fails, or no controller reaches the level.
+    """
+    require_assumptions(plant)
+    return _synthesis_at(plant, gamma, gamma, [])
+
+
+def _synthesis_at(
+    plant: GeneralizedPlant, gamma: float, optimal: float, tests: list[GammaTest]
+) -> HinfSynthesis:
     solution = _solve(plant, gamma)
     tests.append(solution.test)
     if solution.x is None or solution.y is None:

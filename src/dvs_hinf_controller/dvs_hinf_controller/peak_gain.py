@@ -12,6 +12,7 @@ from dvs_hinf_controller.state_space import ComplexArray, StateSpace
 from dvs_interfaces.model import FloatArray
 
 _MAX_NODES = 40_000
+_BLOCK = 16
 _MAX_PASSES = 8
 _QUADRATURE_SHARE = 0.75
 _WORST_CONDITION = 1e8
@@ -211,33 +212,41 @@ def _sample(
     square = g.a @ g.a
     base = 0.1 / float(np.min(-g.poles().real))
     flows: dict[int, FloatArray] = {}
-    time, x = 0.0, g.b[:, 0].copy()
-    times, values, error, total = [time], [g.c @ x], 0.0, 0.0
-    while len(times) < _MAX_NODES:
-        size, tail = (
-            min(pair) for pair in zip(*(b.size_and_tail(x) for b in bounds), strict=True)
-        )
+    x = g.b[:, 0].copy()
+    times, states = [np.zeros(1)], [x[None, :]]
+    error, total = 0.0, 0.0
+    while len(times) * _BLOCK < _MAX_NODES:
+        size, tail = (min(p) for p in zip(*(b.size_and_tail(x) for b in bounds), strict=True))
         if tail <= (1 - _QUADRATURE_SHARE) * truncation * total:
+            nodes = np.concatenate(times)
             return SampledKernel(
-                times=np.array(times),
-                values=np.array(values),
-                weights=trapezoidal_weights(np.array(times)),
+                times=nodes,
+                values=np.vstack(states) @ g.c.T,
+                weights=trapezoidal_weights(nodes),
                 quadrature_error=error,
                 tail=tail,
             )
+        # Its bound holds for all later times, so that one serves a block of equal steps.
         curvature = min(b.size_and_tail(square @ x)[0] for b in bounds)
         allowed = math.sqrt(12 * chord * size / curvature) if curvature > 0 else math.inf
         level = max(0, math.ceil(math.log2(base / allowed))) if allowed < base else 0
         step = base / 2.0**level
         if level not in flows:
-            flows[level] = scipy.linalg.expm(g.a * step)
-        x = flows[level] @ x
-        time += step
-        error += curvature * step**3 / 12
-        times.append(time)
-        values.append(g.c @ x)
-        total += step * float(np.linalg.norm(values[-1]))
+            flows[level] = _powers(scipy.linalg.expm(g.a * step))
+        block = flows[level] @ x
+        x = block[-1]
+        times.append(times[-1][-1] + step * np.arange(1, _BLOCK + 1))
+        states.append(block)
+        error += _BLOCK * curvature * step**3 / 12
+        total += step * float(np.sum(np.linalg.norm(block @ g.c.T, axis=1)))
     return None
+
+
+def _powers(matrix: FloatArray) -> FloatArray:
+    powers = [matrix]
+    for _ in range(_BLOCK - 1):
+        powers.append(powers[-1] @ matrix)
+    return np.array(powers)
 
 
 def trapezoidal_weights(times: FloatArray) -> FloatArray:

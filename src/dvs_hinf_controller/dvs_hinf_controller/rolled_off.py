@@ -13,6 +13,7 @@ from dvs_hinf_controller.hinf_synthesis import (
     HinfSynthesis,
     gamma_test,
     hinf_synthesis,
+    hinf_synthesis_at,
 )
 from dvs_hinf_controller.options import DesignOptions
 from dvs_hinf_controller.reduced import reduced_plant
@@ -113,14 +114,16 @@ def synthesize_rolled_off(
         _SLOWEST * rate,
         fastest,
     )
-    scales: tuple[float, ...] = (1.0,)
+    trials: Iterable[HinfSynthesis]
     if 0 < options.bandwidth_limit < bandwidth:
-        bandwidth, scales = options.bandwidth_limit, _NOISE_SCALES
-    controller, gamma = _fast_enough(
-        model,
-        (hinf_synthesis(plant(bandwidth, s), slack=options.gamma_slack / 2) for s in scales),
-        _LEAST_DECAY * rate,
-    )
+        bandwidth = options.bandwidth_limit
+        trials = (
+            hinf_synthesis(plant(bandwidth, scale), slack=options.gamma_slack / 2)
+            for scale in _NOISE_SCALES
+        )
+    else:
+        trials = [hinf_synthesis_at(plant(bandwidth), optimal * (1 + options.gamma_slack))]
+    controller, gamma = _fast_enough(model, trials, _LEAST_DECAY * rate)
     return RolledOff(
         controller=controller, gamma=gamma, gamma_optimal=optimal, bandwidth=bandwidth
     )

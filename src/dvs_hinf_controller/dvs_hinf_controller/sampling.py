@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from dvs_hinf_controller.controller import LinearController
 from dvs_interfaces.model import FloatArray, PlantModel
@@ -38,18 +40,35 @@ def sampled_matrix(
     FloatArray
         Shape (n + k, n + k).
     """
-    n, m, k = model.state_count, model.input_count, controller.order
-    c = loop_gain * model.output_vector[None, :]
-    flow = np.zeros((n + m + k, n + m + k))
-    flow[:n, :n], flow[:n, n : n + m] = model.state_matrix, model.input_matrix
-    flow[n + m :, :n] = controller.input_vector[:, None] @ c
-    flow[n + m :, n + m :] = controller.state_matrix
-    start = np.zeros((n + m + k, n + k))
-    start[:n, :n], start[n + m :, n:] = np.eye(n), np.eye(k)
-    start[n : n + m, :n] = controller.feedthrough[:, None] @ c
-    start[n : n + m, n:] = controller.output_matrix
-    end = scipy.linalg.expm(flow * period) @ start
-    return np.vstack([end[:n], end[n + m :]])
+    return _SampledLoop.of(model, controller, loop_gain).map(period)
+
+
+@dataclass(frozen=True, slots=True)
+class _SampledLoop:
+    """Flow of (x, u, xc) within a period, and (x, u, xc) at its start from (x, xc)."""
+
+    flow: FloatArray
+    start: FloatArray
+    kept: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, model: PlantModel, controller: LinearController, gain: float) -> _SampledLoop:
+        n, m, k = model.state_count, model.input_count, controller.order
+        c = gain * model.output_vector[None, :]
+        flow = np.zeros((n + m + k, n + m + k))
+        flow[:n, :n], flow[:n, n : n + m] = model.state_matrix, model.input_matrix
+        flow[n + m :, :n] = controller.input_vector[:, None] @ c
+        flow[n + m :, n + m :] = controller.state_matrix
+        start = np.zeros((n + m + k, n + k))
+        start[:n, :n], start[n + m :, n:] = np.eye(n), np.eye(k)
+        start[n : n + m, :n] = controller.feedthrough[:, None] @ c
+        start[n : n + m, n:] = controller.output_matrix
+        kept = np.delete(np.arange(n + m + k), np.arange(n, n + m))
+        return cls(flow=flow, start=start, kept=kept)
+
+    def map(self, period: float) -> FloatArray:
+        end = scipy.linalg.expm(self.flow * period) @ self.start
+        return np.asarray(end[self.kept], dtype=np.float64)
 
 
 def max_sampling_period(
@@ -75,13 +94,13 @@ def max_sampling_period(
         Zero if the continuous loop itself does not bear `gain_margin`; infinite if no period up
         to 1000 time constants of the slowest pole is too long.
     """
-    gains = np.linspace(1 - gain_margin, 1 + gain_margin, _LOOP_GAINS)
+    loops = [
+        _SampledLoop.of(model, controller, gain)
+        for gain in np.linspace(1 - gain_margin, 1 + gain_margin, _LOOP_GAINS)
+    ]
 
     def stable(period: float) -> bool:
-        return all(
-            _spectral_radius(sampled_matrix(model, controller, period, loop_gain=gain)) < 1
-            for gain in gains
-        )
+        return all(_spectral_radius(loop.map(period)) < 1 for loop in loops)
 
     rates = np.abs(
         np.linalg.eigvals(scipy.linalg.block_diag(model.state_matrix, controller.state_matrix))

@@ -14,6 +14,7 @@ from dvs_interfaces.model import FloatArray
 _GOOD_ENOUGH = 3e-4
 _MAX_ORDER = 8
 _WORTH_A_SECTION = 0.6
+_PATIENCE = 2
 # Coefficients of a section: zero and pole, or (corner, damping) of zeros and of poles; logarithms.
 _FIRST, _SECOND = 2, 4
 
@@ -49,17 +50,14 @@ def fit_magnitude(frequencies: FloatArray, magnitude: FloatArray) -> WeightFit:
         Wanted ``|V(jw)|`` > 0, shape (f,).
     """
     target = np.log(magnitude)
-    best = _Sections(gain=float((target.max() + target.min()) / 2), sections=())
+    best = current = _Sections(gain=float((target.max() + target.min()) / 2), sections=())
     error = best.error(frequencies, target)
-    while error > _GOOD_ENOUGH and best.order < _MAX_ORDER:
-        for kind in (_FIRST, _SECOND):
-            trial = _extended(best, kind, frequencies, target)
-            trial_error = trial.error(frequencies, target)
-            if trial_error <= _WORTH_A_SECTION * error:
-                break
-        else:
-            break
-        best, error = trial, trial_error
+    stalled = 0
+    while error > _GOOD_ENOUGH and current.order < _MAX_ORDER and stalled < _PATIENCE:
+        current, trial_error = _better_extension(current, frequencies, target)
+        stalled = 0 if trial_error <= _WORTH_A_SECTION * error else stalled + 1
+        if stalled == 0:
+            best, error = current, trial_error
     return WeightFit(weight=best.realisation(), error=error)
 
 
@@ -87,6 +85,15 @@ class _Sections:
             total += _factor(frequencies, section[:half]) - _factor(frequencies, section[half:])
         return total
 
+    def slopes(self, frequencies: FloatArray) -> FloatArray:
+        """Derivatives of `log_magnitude` by the entries of `vector`."""
+        columns = [np.ones((frequencies.size, 1))]
+        for section in self.sections:
+            half = section.size // 2
+            columns.append(_factor_slopes(frequencies, section[:half]))
+            columns.append(-_factor_slopes(frequencies, section[half:]))
+        return np.hstack(columns)
+
     def error(self, frequencies: FloatArray, target: FloatArray) -> float:
         return float(np.max(np.abs(self.log_magnitude(frequencies) - target)))
 
@@ -95,6 +102,15 @@ class _Sections:
         for section in self.sections:
             system = _series(system, _section(np.exp(section)))
         return system
+
+
+def _better_extension(
+    old: _Sections, frequencies: FloatArray, target: FloatArray
+) -> tuple[_Sections, float]:
+    """One section more: of first order if it does nearly as well as one of second order."""
+    first, second = (_extended(old, kind, frequencies, target) for kind in (_FIRST, _SECOND))
+    errors = first.error(frequencies, target), second.error(frequencies, target)
+    return (first, errors[0]) if errors[0] <= 1.5 * errors[1] else (second, errors[1])
 
 
 def _extended(old: _Sections, kind: int, frequencies: FloatArray, target: FloatArray) -> _Sections:
@@ -114,8 +130,9 @@ def _extended(old: _Sections, kind: int, frequencies: FloatArray, target: FloatA
     result = scipy.optimize.least_squares(
         lambda x: new.with_vector(x).log_magnitude(frequencies) - target,
         np.clip(new.vector, np.array(low) + 1e-6, np.array(high) - 1e-6),
+        jac=lambda x: new.with_vector(x).slopes(frequencies),
         bounds=(low, high),
-        max_nfev=100,
+        max_nfev=50,
     )
     return new.with_vector(result.x)
 
@@ -127,6 +144,17 @@ def _factor(frequencies: FloatArray, parameters: FloatArray) -> FloatArray:
     if values.size == 1:
         return np.asarray(0.5 * np.log1p(ratio))
     return np.asarray(0.5 * np.log((ratio - 1) ** 2 + 4 * values[1] ** 2 * ratio))
+
+
+def _factor_slopes(frequencies: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Derivatives of `_factor` by its parameters, a column each."""
+    values = np.exp(parameters)
+    ratio = (values[0] / frequencies) ** 2
+    if values.size == 1:
+        return np.asarray((ratio / (1 + ratio))[:, None])
+    damped = 4 * values[1] ** 2 * ratio
+    square = (ratio - 1) ** 2 + damped
+    return np.column_stack([(2 * ratio * (ratio - 1) + damped) / square, damped / square])
 
 
 def _section(values: FloatArray) -> StateSpace:

@@ -1,0 +1,85 @@
+import math
+
+import numpy as np
+import pytest
+import scipy.integrate
+
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.options import DesignOptions
+from dvs_hinf_controller.rolled_off import synthesize_rolled_off
+from dvs_hinf_controller.sampling import max_sampling_period, sampled_matrix
+from dvs_interfaces.model import PlantModel
+
+
+def static(gain: float) -> LinearController:
+    return LinearController(
+        state_matrix=np.zeros((0, 0)),
+        input_vector=np.zeros(0),
+        output_matrix=np.zeros((1, 0)),
+        feedthrough=np.array([gain]),
+    )
+
+
+def first_order(a: float) -> PlantModel:
+    return PlantModel(
+        state_matrix=np.array([[a]]), input_matrix=np.ones((1, 1)), output_vector=np.ones(1)
+    )
+
+
+def test_sampled_map_is_the_integrated_loop(paper_model: PlantModel) -> None:
+    """Against an ODE solver: x with the held u, xc driven by c'x(t) all along."""
+    controller = synthesize_rolled_off(paper_model, DesignOptions()).controller
+    rng = np.random.default_rng(0)
+    start = rng.standard_normal(2 + controller.order)
+    u = controller.output_matrix @ start[2:] + controller.feedthrough * (
+        paper_model.output_vector @ start[:2]
+    )
+
+    def flow(_: float, s: np.ndarray) -> np.ndarray:
+        x, xc = s[:2], s[2:]
+        return np.concatenate(
+            [
+                paper_model.state_matrix @ x + paper_model.input_matrix @ u,
+                controller.state_matrix @ xc
+                + controller.input_vector * (paper_model.output_vector @ x),
+            ]
+        )
+
+    end = scipy.integrate.solve_ivp(flow, (0, 0.02), start, rtol=1e-11, atol=1e-13, method='Radau')
+    np.testing.assert_allclose(
+        sampled_matrix(paper_model, controller, 0.02) @ start, end.y[:, -1], rtol=1e-7, atol=1e-8
+    )
+
+
+@pytest.mark.parametrize('margin', [0.0, 0.2])
+def test_static_gain_is_the_closed_form(margin: float) -> None:
+    # x_{k+1} = (e - k (e - 1)) x with a = 1, e = exp(T): stable while k (e - 1) < e + 1.
+    gain = 3.0 * (1 + margin)
+    period = max_sampling_period(first_order(1.0), static(-3.0), gain_margin=margin)
+    assert period == pytest.approx(math.log((gain + 1) / (gain - 1)), rel=2e-3)
+
+
+def test_loop_without_margin_has_no_period() -> None:
+    assert max_sampling_period(first_order(1.0), static(-1.1), gain_margin=0.2) == 0
+
+
+def test_stable_plant_left_alone_needs_no_samples() -> None:
+    assert max_sampling_period(first_order(-1.0), static(0.0)) == math.inf
+
+
+def test_longer_is_unstable_and_shorter_is_stable(paper_model: PlantModel) -> None:
+    controller = synthesize_rolled_off(paper_model, DesignOptions()).controller
+    longest = max_sampling_period(paper_model, controller, gain_margin=0.0)
+
+    def radius(period: float) -> float:
+        matrix = sampled_matrix(paper_model, controller, period)
+        return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+    assert radius(1.002 * longest) >= 1
+    for period in np.geomspace(1e-5, 0.999 * longest, 50):
+        assert radius(period) < 1
+
+
+def test_default_design_survives_four_milliseconds(paper_model: PlantModel) -> None:
+    controller = synthesize_rolled_off(paper_model, DesignOptions()).controller
+    assert max_sampling_period(paper_model, controller) > 0.02
