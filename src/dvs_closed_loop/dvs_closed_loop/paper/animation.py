@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from dvs_interfaces.model import FloatArray
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
@@ -83,6 +85,28 @@ def event_glow(experiment: Experiment, times: FloatArray) -> FloatArray:
     return glow
 
 
+def _palette() -> Image.Image:
+    """One palette for all frames, so that no colour flickers: greys, flashes, lines on greys."""
+    greys = np.linspace(0, 1, 96)[:, None] * np.ones(3)
+    flashes = mpl.colormaps['RdBu_r'](np.linspace(0, 1, 64))[:, :3]
+    lines = [to_rgb(c) for c in (plotting.SKY, plotting.VERMILION, plotting.GREEN)]
+    backgrounds = (0.35, 0.5, 0.65, 0.8, 0.95, 1.0)
+    blends = [
+        share * np.array(line) + (1 - share) * level
+        for line in lines
+        for share in (1.0, 0.75, 0.5, 0.25)
+        for level in backgrounds
+    ]
+    colours = np.vstack([greys, flashes, blends])
+    flat = np.rint(255 * colours).astype(np.uint8).ravel().tolist()
+    image = Image.new('P', (1, 1))
+    image.putpalette(flat + [0] * (768 - len(flat)))
+    return image
+
+
+_PALETTE = _palette()
+
+
 class _Scene:
     """Everything that stands still is drawn once; a frame adds what moves."""
 
@@ -139,14 +163,20 @@ class _Scene:
     def _draw_camera(self, axes: Any) -> None:
         scene = self.experiment.loop.scene
         self.shape = (scene.height, scene.width)
-        self.flash = axes.imshow(
-            np.zeros(self.shape), cmap='RdBu_r', vmin=-1.1, vmax=1.1, aspect='equal'
+        self.flash = axes.pcolormesh(
+            np.arange(scene.width + 1) - 0.5,
+            np.arange(scene.height + 1) - 0.5,
+            np.zeros(self.shape),
+            cmap='RdBu_r',
+            vmin=-1.1,
+            vmax=1.1,
+            edgecolors='white',
+            linewidth=1,
         )
+        axes.invert_yaxis()
+        axes.set_aspect('equal')
         axes.grid(visible=False)
-        axes.set_xticks(np.arange(-0.5, scene.width), minor=True)
-        axes.set_yticks(np.arange(-0.5, scene.height), minor=True)
-        axes.grid(which='minor', color='white', lw=1)
-        axes.tick_params(which='both', length=0)
+        axes.tick_params(length=0)
         axes.set(xlabel='pixel column', ylabel='pixel row', title='Events: red ON, blue OFF')
 
     def _draw_error(self, axes: Any) -> None:
@@ -168,7 +198,7 @@ class _Scene:
         self.path.set_data(*self.states[: k + 1].T[:2])
         x, y = self.states[k, :2]
         self.camera.set_xy((x - 0.016, y - 0.012))
-        self.flash.set_data(self.glow[frame].reshape(self.shape))
+        self.flash.set_array(self.glow[frame].reshape(self.shape))
         self.error.set_data(run.sample_time[: k + 1], self.experiment.error[: k + 1])
         events = int(np.searchsorted(run.event_time, self.times[frame], side='right'))
         self.title.set_text(f't = {self.times[frame]:.3f} s\n{events} events')
@@ -176,4 +206,4 @@ class _Scene:
         for artist in self.moving:
             artist.axes.draw_artist(artist)
         pixels = np.asarray(self.canvas.buffer_rgba())[:, :, :3].copy()
-        return Image.fromarray(pixels).quantize(colors=96, dither=Image.Dither.NONE)
+        return Image.fromarray(pixels).quantize(palette=_PALETTE, dither=Image.Dither.NONE)
