@@ -20,20 +20,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--no-progress', action='store_true', help='no progress bar')
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Regenerate the paper and print its table.
 
     Parameters
     ----------
-    arguments
+    options
         Parsed arguments.
     """
-    rows = reproduce_paper(arguments.output, progress=not arguments.no_progress)
+    rows = reproduce_paper(options.output, progress=not options.no_progress)
     print('quantity                                       method        r  reference     ours  deviation')
     for row in rows:
         print(
             f'{row.quantity:46} {row.method:12} {row.pixels or "":>2} {row.reference:10.5g} '
             f'{row.ours:8.5g} {row.deviation_percent:+9.2f} %   ({row.source})'
         )
-    print(f'report: {arguments.output / "report.html"}')
+    print(f'report: {options.output / "report.html"}')
     return 0
