@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from contextlib import AbstractContextManager
 from typing import Any
 
 import matplotlib as mpl
@@ -45,10 +45,15 @@ STYLE: dict[str, Any] = {
 }
 
 
+def in_style() -> AbstractContextManager[None]:
+    """Context in which figures are drawn and written in the common look."""
+    return mpl.rc_context(STYLE)  # type: ignore[no-any-return]
+
+
 def new_figure(
     width: float = 7.2, height: float = 4.2, *, rows: int = 1, columns: int = 1, **options: Any
 ) -> tuple[Figure, Any]:
-    """Figure in the common look and its axes (one, or an array of them).
+    """Figure and its axes (one, or an array of them).
 
     Parameters
     ----------
@@ -63,25 +68,8 @@ def new_figure(
     **options
         Passed to `Figure.subplots`.
     """
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout='constrained')
-        return figure, figure.subplots(rows, columns, **options)
-
-
-def save(figure: Figure, path: Path, *, dpi: int = 160) -> None:
-    """Write a figure; the ending decides the format.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        File to write.
-    dpi
-        Dots per inch.
-    """
-    with mpl.rc_context(STYLE):
-        figure.savefig(path, dpi=dpi)
+    figure = Figure(figsize=(width, height), layout='constrained')
+    return figure, figure.subplots(rows, columns, **options)
 
 
 def draw_tolerance(axes: Axes, tolerance: float) -> None:

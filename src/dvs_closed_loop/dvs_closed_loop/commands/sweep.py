@@ -45,22 +45,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--no-progress', action='store_true', help='no progress bar')
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Run the study and say what came out; 1 if the certificate was violated.
 
     Parameters
     ----------
-    arguments
+    options
         Parsed arguments.
     """
-    study = _study(arguments)
-    path = arguments.output or Path('out') / f'{study.name}.csv'
+    study = _study(options)
+    path = options.output or Path('out') / f'{study.name}.csv'
     table = run_study(
         study,
         path,
-        scheduler=arguments.scheduler,
-        workers=arguments.workers,
-        progress=not arguments.no_progress,
+        scheduler=options.scheduler,
+        workers=options.workers,
+        progress=not options.no_progress,
     )
     rows = table.rows()
     figure = path.with_suffix('.png')
@@ -69,13 +69,13 @@ def run(arguments: argparse.Namespace) -> int:
     return _report(study, rows)
 
 
-def _study(arguments: argparse.Namespace) -> Study:
-    runs = arguments.runs or _DEFAULT_RUNS[arguments.study]
-    if arguments.study == 'certificate':
-        return certificate_study(plants=arguments.plants, runs=runs, seed=arguments.seed)
-    if arguments.study == 'threshold':
-        return threshold_study(runs=runs, seed=arguments.seed)
-    return pixels_study(runs=runs, seed=arguments.seed)
+def _study(options: argparse.Namespace) -> Study:
+    runs = options.runs or _DEFAULT_RUNS[options.study]
+    if options.study == 'certificate':
+        return certificate_study(plants=options.plants, runs=runs, seed=options.seed)
+    if options.study == 'threshold':
+        return threshold_study(runs=runs, seed=options.seed)
+    return pixels_study(runs=runs, seed=options.seed)
 
 
 def _report(study: Study, rows: list[dict[str, str]]) -> int:

@@ -96,3 +96,22 @@ def scenario(
         'duration': 6.0,
     }
     return Scenario.from_values(values)
+
+
+def platform_scenario() -> Scenario:
+    """The appendix: a camera of 8 x 6 pixels on a platform over a linear brightness profile.
+
+    An offset of 0.5 along c keeps every luminosity positive.
+    """
+    c = np.array([2.0, 1.0]) / math.sqrt(5)
+    plain = scenario('paper', 1, event_threshold=0.083)
+    return Scenario.from_values(
+        {
+            **plain.values,
+            'pixel_offsets': [],
+            'pixel_grid': [6, 8],
+            'pixel_pitch': [0.002, 0.0, 0.0, 0.002],
+            'pixel_origin': (0.5 * c).tolist(),
+            'photoreceptor': 'log',
+        }
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +44,9 @@ class RandomCase:
     uncertainty: float
 
 
-def random_case(seed: int, method: str) -> RandomCase:
+def random_case(
+    seed: int, method: str, *, accept: Callable[[RandomCase], bool] = lambda case: True
+) -> RandomCase:
     """Draw cases until one has a certified threshold.
 
     The tolerance is chosen so that the certificate allows a drawn relative error of the estimate;
@@ -55,11 +58,13 @@ def random_case(seed: int, method: str) -> RandomCase:
         Seed of everything random.
     method
         One of `METHODS`, or `certified`.
+    accept
+        Whether a case will do.
     """
     rng = np.random.default_rng(seed)
     while True:
         case = _attempt(rng, method)
-        if case is not None:
+        if case is not None and accept(case):
             return case
 
 

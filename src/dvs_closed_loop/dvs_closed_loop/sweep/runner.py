@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +93,7 @@ def _results(client: Any, study: Study, tasks: list[Task]) -> Iterator[tuple[Tas
         return future
 
     slots = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)['workers']))
-    running = as_completed([submit(task) for task, _ in zip(waiting, range(slots))])
+    running = as_completed([submit(task) for task in islice(waiting, slots)])
     for future in running:
         rows = future.result()
         yield owner.pop(future.key), rows

@@ -31,7 +31,8 @@ def save_study_figure(name: str, rows: Rows, path: Path) -> None:
         'threshold': threshold_figure,
         'pixels': pixels_figure,
     }
-    plotting.save(draw[name](rows), path)
+    with plotting.in_style():
+        draw[name](rows).savefig(path, dpi=160)
 
 
 def certificate_figure(rows: Rows) -> Figure:
