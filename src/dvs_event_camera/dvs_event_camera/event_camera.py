@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dvs_event_camera.event_records import may_compile, records_of
+from dvs_event_camera.event_records import records_of
 from dvs_event_camera.image_source import LuminosityFrame
 from dvs_event_camera.imperfections import Imperfections
 from dvs_event_camera.photoreceptor import (
@@ -66,7 +66,7 @@ class EventCamera:
         self, make_pixels: Callable[[FloatArray, float], PixelArray], *, backend: str = 'auto'
     ) -> None:
         self._make_pixels = make_pixels
-        self._compiled = may_compile(backend)
+        self._backend = backend
         self._pixels: PixelArray | None = None
         self._shape: tuple[int, int] = (0, 0)
         self._index = 0
@@ -209,7 +209,7 @@ class EventCamera:
             width=max(1, self._shape[1]),
             stamp_ns=stamp_ns,
             first_index=self._index,
-            compiled=self._compiled,
+            backend=self._backend,
         )
         self._index += len(events)
         return EventPacket(stamp_ns=stamp_ns, events=records)
