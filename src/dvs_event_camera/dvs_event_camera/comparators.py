@@ -7,13 +7,12 @@ the levels tile by tile, and gives the events in order at the end.
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_event_camera.compiled import kernels_for
 from dvs_event_camera.crossings import (
     CountArray,
     FloatArray,
@@ -23,7 +22,6 @@ from dvs_event_camera.crossings import (
     linear_crossings,
 )
 from dvs_event_camera.pixel_events import KEY_BITS, PixelEvents
-from dvs_interfaces.errors import ParameterError
 
 # Pixels from which compiling (once, then cached) and importing numba pays.
 _WORTH_COMPILING = 4096
@@ -140,11 +138,13 @@ class NumbaComparator(NumpyComparator):
         Levels of the first references, shape (r,).
     step
         Threshold as a change of the level, ``h ln b``.
+    kernels
+        Module `crossings_numba`.
     """
 
-    def __init__(self, levels: FloatArray, origin: FloatArray, step: float) -> None:
+    def __init__(self, levels: FloatArray, origin: FloatArray, step: float, kernels: Any) -> None:
         super().__init__(levels, origin, step)
-        self._compiled: Any = importlib.import_module('dvs_event_camera.crossings_numba')
+        self._compiled = kernels
         self._pixel_bits = max(1, (levels.size - 1).bit_length())
         self._keys = np.empty(1024, np.int64)
         self._mask = np.zeros(0, np.uint8)
@@ -237,11 +237,7 @@ def ideal_comparator(
     ParameterError
         If `backend` is unknown or not installed.
     """
-    if backend not in ('auto', 'numba', 'numpy'):
-        raise ParameterError('backend', backend, 'must be auto, numba or numpy')
-    installed = importlib.util.find_spec('numba') is not None
-    if backend == 'numba' and not installed:
-        raise ParameterError('backend', backend, 'needs the Python package numba')
-    if backend == 'numba' or (backend == 'auto' and installed and levels.size >= _WORTH_COMPILING):
-        return NumbaComparator(levels, origin, step)
-    return NumpyComparator(levels, origin, step)
+    kernels = kernels_for(backend, levels.size, worth=_WORTH_COMPILING)
+    if kernels is None:
+        return NumpyComparator(levels, origin, step)
+    return NumbaComparator(levels, origin, step, kernels)

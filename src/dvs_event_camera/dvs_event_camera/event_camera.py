@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dvs_event_camera.event_records import may_compile, records_of
+from dvs_event_camera.event_records import records_of
 from dvs_event_camera.image_source import LuminosityFrame
 from dvs_event_camera.imperfections import Imperfections
 from dvs_event_camera.photoreceptor import (
@@ -68,7 +68,6 @@ class EventCamera:
     ) -> None:
         self._make_pixels = make_pixels
         self._backend = backend
-        self._compiled = may_compile(backend)
         self._pixels: PixelArray | None = None
         self._shape: tuple[int, int] = (0, 0)
         self._index = 0
@@ -212,7 +211,7 @@ class EventCamera:
             width=max(1, self._shape[1]),
             stamp_ns=stamp_ns,
             first_index=self._index,
-            compiled=self._compiled,
+            backend=self._backend,
         )
         self._index += len(events)
         return EventPacket(stamp_ns=stamp_ns, events=records)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_event_camera.compiled import kernels_for
 from dvs_event_camera.pixel_events import PixelEvents
 from dvs_interfaces.events import EVENT_DTYPE, LABELLED_EVENT_DTYPE, make_events
 
@@ -17,7 +15,7 @@ _NOISE_OFFSET = 14
 
 
 def records_of(
-    events: PixelEvents, *, width: int, stamp_ns: int, first_index: int, compiled: bool
+    events: PixelEvents, *, width: int, stamp_ns: int, first_index: int, backend: str
 ) -> NDArray[np.void]:
     """Records of `EVENT_DTYPE`, or of `LABELLED_EVENT_DTYPE` if the events are labelled.
 
@@ -31,12 +29,13 @@ def records_of(
         Stamp of the packet, ns.
     first_index
         Running number of the first event.
-    compiled
-        Whether numba may be used for many events; the records are the same.
+    backend
+        `auto`, `numba` or `numpy`: the same records.
     """
-    if compiled and len(events) >= _WORTH_COMPILING:
+    kernels = kernels_for(backend, len(events), worth=_WORTH_COMPILING)
+    if kernels is not None:
         words = np.empty((len(events), 2), np.uint64)
-        importlib.import_module('dvs_event_camera.crossings_numba').pack_records(
+        kernels.pack_records(
             events.t,
             events.pixel,
             events.polarity,
@@ -58,17 +57,6 @@ def records_of(
             first_index=first_index,
         )
     return records if events.noise is None else _labelled(records, events.noise)
-
-
-def may_compile(backend: str) -> bool:
-    """Whether numba may be used.
-
-    Parameters
-    ----------
-    backend
-        `auto`, `numba` or `numpy`.
-    """
-    return backend != 'numpy' and importlib.util.find_spec('numba') is not None
 
 
 def without_labels(records: NDArray[np.void]) -> NDArray[np.void]:

@@ -84,3 +84,12 @@ def assert_same(one, other):
         a, b = getattr(one, field), getattr(other, field)
         assert a.dtype == b.dtype
         assert np.array_equal(a, b), field
+
+
+def test_machine_without_numba_falls_back_or_says_so(monkeypatch):
+    from dvs_event_camera import compiled
+
+    monkeypatch.setattr(compiled, 'kernels', lambda: None)
+    PixelArray(event_threshold=0.1, backend='auto').update(0, np.ones(5000))
+    with pytest.raises(ParameterError, match='numba'):
+        PixelArray(event_threshold=0.1, backend='numba').update(0, [1.0])

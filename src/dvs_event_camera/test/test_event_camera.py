@@ -191,8 +191,8 @@ def test_compiled_records_are_the_records():
         signs=events.sign,
         **fields,
     )
-    assert np.array_equal(records_of(events, compiled=True, **fields), expected)
-    assert np.array_equal(records_of(events, compiled=False, **fields), expected)
+    assert np.array_equal(records_of(events, backend='numba', **fields), expected)
+    assert np.array_equal(records_of(events, backend='numpy', **fields), expected)
 
 
 def test_memory_of_the_pixels_does_not_grow():

@@ -1,5 +1,7 @@
 """The nodes as real processes over real DDS."""
 
+import array
+import io
 import math
 import signal
 
@@ -9,7 +11,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
 from dvs_event_camera.event_packet import pack_event_packet, parse_event_packet
@@ -218,3 +220,22 @@ def test_black_pixels_of_a_float_image_hold_and_are_said_once(graph):
     code, _, err = camera.stop()
     assert code == 0, err
     assert err.count('without a logarithm') == 1
+
+
+def test_compressed_images_are_taken(graph):
+    image = pytest.importorskip('PIL.Image')
+    camera = graph.start(CAMERA, event_threshold=0.1, compressed_input='true')
+    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    topic = 'luminosity/compressed'
+    publisher = graph.node.create_publisher(CompressedImage, topic, topics.stream_qos())
+    messages = []
+    for k, grey in enumerate((100, 125)):
+        stream = io.BytesIO()
+        image.fromarray(np.full((2, 2), grey, np.uint8)).save(stream, format='png')
+        message = CompressedImage(format='png', data=array.array('B', stream.getvalue()))
+        message.header.stamp.nanosec = k * MS
+        messages.append(message)
+    feed(graph, heard, publisher, messages)
+    assert len(parse_events(bytes(heard[-1])).events) == 8
+    code, _, err = camera.stop()
+    assert code == 0, err

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvs_event_camera.event_packet import (
@@ -65,6 +65,7 @@ def test_message_is_laid_out_as_event_packet_msg():
         max_size=30,
     )
 )
+@settings(deadline=None)
 def test_there_and_back(events):
     events = sorted({(t, y, x): (t, y, x, on) for t, x, y, on in events}.values())
     stamp = 10**6 if events else 0

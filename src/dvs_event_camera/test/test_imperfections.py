@@ -198,6 +198,22 @@ def test_latency_delays_and_jitter_spreads_but_nothing_is_lost():
     assert delay / len(ideal) == pytest.approx(2.3e6, rel=0.01)
 
 
+def test_no_event_comes_before_its_cause():
+    frames = np.exp([np.zeros(2000), np.full(2000, 0.15)] + [np.full(2000, 0.15)] * 20)
+    events = run(array_with(jitter=2e-3), np.arange(22) * MS, frames)
+    cause = math.ceil(0.1 / 0.15 * MS)
+    assert len(events) == 2000
+    assert events.t.min() == cause
+    assert np.mean(events.t > cause) == pytest.approx(0.5, abs=0.05)
+
+
+def test_event_due_at_the_sample_itself_is_given_out_with_it():
+    array = array_with(latency=1e-3)
+    array.update(0, [1.0])
+    array.update(2 * MS, [math.exp(0.2)])  # crossings at 1 and 2 ms
+    assert array.update(3 * MS, [math.exp(0.2)]).t.tolist() == [3 * MS]
+
+
 def test_counts_are_those_of_the_events_given_out():
     array = array_with(latency=2.5e-3)
     total = np.zeros(3)

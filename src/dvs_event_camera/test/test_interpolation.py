@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dvs_event_camera.hermite import end_slopes, monotone_cubic_root
 from dvs_event_camera.pixel_array import PixelArray
 from dvs_interfaces.errors import ParameterError
 
@@ -80,3 +81,27 @@ def test_cubic_copes_with_steps_in_the_stamps():
 def test_unknown_interpolation_is_refused():
     with pytest.raises(ParameterError, match='interpolation'):
         PixelArray(event_threshold=0.1, interpolation='spline')
+
+
+@given(
+    st.lists(st.floats(-5, 5), min_size=4, max_size=4),
+    st.lists(st.integers(1, 100), min_size=3, max_size=3),
+)
+@settings(max_examples=200, deadline=None)
+def test_cubic_between_two_samples_is_monotone(samples, durations):
+    oldest, older, start, end = (np.array([v]) for v in samples)
+    if abs(end[0] - start[0]) < 1e-6:
+        return
+    slope0, slope1 = end_slopes(start, end, older, oldest, durations)
+    rise = end - start
+    for slope in (slope0, slope1):
+        assert 0 <= slope[0] / rise[0] <= 3 + 1e-12
+    share = np.linspace(0, 1, 101)
+    columns = [np.full(share.size, value[0]) for value in (rise, slope0, slope1)]
+    root = monotone_cubic_root(*columns, share * rise[0])
+    # Where the cubic is flat, rounding moves a root by the cube root of the resolution.
+    assert np.all(np.diff(root) >= -1e-5)
+    # It is a root: the cubic there has the value that was asked for.
+    d0, d1 = slope0[0] / rise[0], slope1[0] / rise[0]
+    value = root * d0 + root**2 * (3 - 2 * d0 - d1) + root**3 * (d0 + d1 - 2)
+    assert np.allclose(value, share, atol=1e-9)

@@ -13,6 +13,7 @@ from dvs_event_camera.photoreceptor import (
     SignedLogPhotoreceptor,
 )
 from dvs_event_camera.pixel_array import PixelArray
+from dvs_event_camera.pixel_events import PixelEvents
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import ReferenceBounds
 
@@ -276,3 +277,15 @@ def test_parameters_out_of_range_are_named(field, value):
 def assert_sorted(events):
     keys = list(zip(events.t.tolist(), events.pixel.tolist(), strict=True))
     assert keys == sorted(keys)
+
+
+@pytest.mark.parametrize('far', [1000, 2**50])
+def test_order_is_total_however_long_the_interval(far):
+    elapsed = np.array([7, 7, 7, 5, far, 7], np.int64)
+    pixel = np.array([9, 2, 2, 9, 0, 3], np.int64)
+    polarity = np.array([-1, 1, -1, 1, 1, -1], np.int8)
+    events = PixelEvents.sorted_from(100, elapsed, pixel, polarity, polarity)
+    assert events.t.tolist() == [105, 107, 107, 107, 107, 100 + far]
+    assert events.pixel.tolist() == [9, 2, 2, 3, 9, 0]
+    assert events.polarity.tolist() == [1, -1, 1, -1, -1, 1]
+    assert events.sign.tolist() == events.polarity.tolist()
