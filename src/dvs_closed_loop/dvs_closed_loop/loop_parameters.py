@@ -64,6 +64,8 @@ class LoopParameters:
                 self._asked[question] = _Asked(now, client.call_async(request))
 
     def _take(self, question: _Question, response: Any) -> None:
+        if response is None:
+            return
         values = [parameter_value_to_python(value) for value in response.values]
         # rclpy's answer is empty if a parameter is unset: an empty list.
         values = values or [None] * len(question.names)
