@@ -56,7 +56,7 @@ class LoopParameters:
             if asked is not None and asked.future.done():
                 self._take(question, asked.future.result())
                 asked = None
-            # A node that does not see us yet answers into the void: such a question is asked again.
+            # A node that does not see us yet answers into the void: ask again.
             client = self._clients[question.node]
             overdue = asked is not None and now > asked.at + _PATIENCE_S
             if (asked is None or overdue) and client.service_is_ready():

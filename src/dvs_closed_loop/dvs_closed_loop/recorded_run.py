@@ -194,8 +194,8 @@ def _align(
     """Estimate that belongs to each command.
 
     Estimates carry no stamp, but the controller publishes one just before each command. So they
-    belong together in order, shifted by as many as the recording missed of either at its beginning;
-    the shift is the one that brings their times of reception closest.
+    belong together in order, shifted by as many as the recording missed of either at its
+    beginning; the shift is the one that brings their times of reception closest.
     """
     if not estimates:
         return [None] * len(commands)

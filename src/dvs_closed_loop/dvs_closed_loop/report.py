@@ -1,7 +1,7 @@
 """Make figures and one self-contained HTML page of a recorded run, ours or by `ros2 bag`.
 
-The scenario is the one stored in the bag, unless --params-file names another. Written beside the bag
-unless --output names a folder. The exit code is 0 if the report was made.
+The scenario is the one stored in the bag, unless --params-file names another. Written beside the
+bag unless --output names a folder. The exit code is 0 if the report was made.
 """
 
 from __future__ import annotations

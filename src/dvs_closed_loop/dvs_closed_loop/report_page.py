@@ -127,8 +127,8 @@ def _notes(bag: RecordedBag, recorded: RecordedRun, verdict: Verdict | None) -> 
         )
     if recorded.index.lost:
         notes.append(
-            f'{recorded.index.lost} events were lost: the recorder, or the controller too, has not '
-            'seen them.'
+            f'{recorded.index.lost} events were lost: the recorder, or the controller too, has '
+            'not seen them.'
         )
     if recorded.runs > 1:
         notes.append(f'The bag holds {recorded.runs} runs; this is the last one.')
