@@ -147,7 +147,7 @@ class Plot {
     for (let p = Math.floor(Math.log10(range[0])); p <= Math.log10(range[1]); p += 1) {
       for (const k of [1, 2, 5]) {
         const value = k * 10 ** p;
-        const label = k === 1 || range[1] / range[0] < 50 ? value.toFixed(Math.max(0, -p)) : '';
+        const label = k === 1 || range[1] / range[0] < 300 ? value.toFixed(Math.max(0, -p)) : '';
         if (value >= range[0] && value <= range[1]) ticks.push([value, label]);
       }
     }
