@@ -1,9 +1,9 @@
 """Storages of a bag that write in batches, each of them whole or not at all.
 
-Those of `rosbags` leave an unreadable file behind when the disk is full: the MCAP writer ends in the
-middle of a record and never writes its footer; SQLite rolls the whole recording back, since it is
-one transaction. Here a failed batch is undone on disk and kept in memory, so that it can be written
-again once there is room, or given up.
+Those of `rosbags` leave an unreadable file behind when the disk is full: the MCAP writer ends in
+the middle of a record and never writes its footer; SQLite rolls the whole recording back, since it
+is one transaction. Here a failed batch is undone on disk and kept in memory, so that it can be
+written again once there is room, or given up.
 """
 
 from __future__ import annotations

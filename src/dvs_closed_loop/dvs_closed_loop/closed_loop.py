@@ -271,6 +271,7 @@ def run_scenario(
     stop = StopSignal()
     runner = LoopRunner(scenario, plans)
     with BagWriter(bag_path, {t: type_name(c) for t, c in MESSAGE_TYPES.items()}) as bag:
+        bag.keep_scenario(scenario, parameter_file.stem)
         recorder = runner.run(bag, stop)
     if stop.received and not recorder.messages[topics.COMMAND]:
         raise InterruptedEarly

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib
@@ -17,6 +19,7 @@ from dvs_interfaces.scenario import Scenario
 # Okabe and Ito's palette: told apart by every kind of colour vision.
 BLUE, VERMILION, GREEN, GREY = '#0072B2', '#D55E00', '#009E73', '#7f7f7f'
 _MOST_RASTER_EVENTS = 200_000
+_MOST_VECTOR_EVENTS = 3_000
 
 
 def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) -> None:
@@ -36,16 +39,35 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
     matplotlib.use('Agg', force=False)
     figure = Figure(figsize=(12, 8), layout='constrained')
     axes = figure.subplots(2, 2)
-    _draw_error(axes[0, 0], trace, scenario)
-    _draw_phase_portrait(axes[0, 1], trace, scenario)
-    _draw_events(axes[1, 0], trace)
-    _draw_estimate(axes[1, 1], trace)
+    for panel, draw in zip(axes.flat, _OVERVIEW, strict=True):
+        draw(panel, trace, scenario)
     word = 'regulated' if verdict.regulated else 'not regulated'
     figure.suptitle(
         f'{verdict.scenario}: {word}, r = {verdict.pixels}, h = {verdict.h:g} '
         f'(h* = {verdict.h_star:.4f}), {verdict.events} events'
     )
     figure.savefig(path, dpi=110)
+
+
+def panel_svg(name: str, trace: Trace, scenario: Scenario) -> bytes:
+    """One panel as an SVG document.
+
+    Parameters
+    ----------
+    name
+        Key of `PANELS`.
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    """
+    matplotlib.use('Agg', force=False)
+    figure = Figure(figsize=(6.4, 4.0), layout='constrained')
+    PANELS[name](figure.subplots(), trace, scenario)
+    buffer = io.BytesIO()
+    # Without a date, so that the same run gives the same bytes.
+    figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
+    return buffer.getvalue()
 
 
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario) -> None:
@@ -77,13 +99,21 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_events(axes: Axes, trace: Trace) -> None:
+def _draw_events(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     stride = max(1, len(trace.events) // _MOST_RASTER_EVENTS)
     times, pixels = trace.event_times_s[::stride], trace.event_pixels[::stride]
     polarity = trace.events['polarity'][::stride]
     for value, colour, name in ((1, VERMILION, 'ON (+1)'), (-1, BLUE, 'OFF (-1)')):
         chosen = polarity == value
-        axes.scatter(times[chosen], pixels[chosen], s=14, marker='|', color=colour, label=name)
+        axes.scatter(
+            times[chosen],
+            pixels[chosen],
+            s=14,
+            marker='|',
+            color=colour,
+            label=name,
+            rasterized=len(times) > _MOST_VECTOR_EVENTS,
+        )
     axes.set(xlabel='time [s]', ylabel='pixel [row-major number]', title='Events')
     axes.set_xlim(trace.times_s[0], trace.times_s[-1])
     pixel_count = trace.luminosities.shape[1]
@@ -92,7 +122,7 @@ def _draw_events(axes: Axes, trace: Trace) -> None:
     axes.legend(loc='upper right', frameon=True, framealpha=0.8)
 
 
-def _draw_estimate(axes: Axes, trace: Trace) -> None:
+def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.plot(trace.times_s, trace.luminosities[:, 0], color=GREY, lw=1.4, label='luminosity y')
     axes.step(
         trace.times_s, trace.estimates[:, 0], where='post', color=BLUE, lw=0.9, label='estimate z'
@@ -102,3 +132,45 @@ def _draw_estimate(axes: Axes, trace: Trace) -> None:
     )
     axes.legend(loc='best', frameon=False)
     axes.grid(alpha=0.3)
+
+
+def _draw_command(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+    for i, colour in zip(range(trace.commands.shape[1]), _CYCLE, strict=False):
+        axes.step(
+            trace.times_s,
+            trace.commands[:, i],
+            where='post',
+            color=colour,
+            lw=0.9,
+            label=f'u{i + 1}',
+        )
+    axes.set(xlabel='time [s]', ylabel='command u_o [input units]', title='Command')
+    axes.legend(loc='best', frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+    relative = np.abs(trace.estimates - trace.luminosities) / np.abs(trace.luminosities)
+    if scenario['photoreceptor'] == 'signed_log':
+        relative[np.abs(trace.luminosities) < scenario['dead_band']] = np.nan
+    axes.plot(trace.times_s, np.nanmax(relative, axis=1), color=BLUE, lw=0.9)
+    axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|', title='Relative error of the estimate')
+    axes.grid(alpha=0.3)
+
+
+Drawer = Callable[[Axes, Trace, Scenario], None]
+_CYCLE = (BLUE, VERMILION, GREEN, GREY)
+_OVERVIEW: tuple[Drawer, ...] = (
+    _draw_error,
+    _draw_phase_portrait,
+    _draw_events,
+    _draw_estimate,
+)
+PANELS: dict[str, Drawer] = {
+    'Error': _draw_error,
+    'Phase portrait': _draw_phase_portrait,
+    'Events': _draw_events,
+    'Estimate': _draw_estimate,
+    'Command': _draw_command,
+    'Relative error of the estimate': _draw_sector,
+}

@@ -1,6 +1,6 @@
 """Publish a bag again: the recorded bytes, with their original spacing.
 
-Topics, types and quality of service are those of the wire contract. Ends with the bag or on Ctrl-C.
+Topics, types and quality of service are those of the wire contract. Ends with the bag or Ctrl-C.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Record the loop's topics to a bag, as `ros2 bag record` does, where there is no rosbag2.
 
-Ends on Ctrl-C, after --duration, or on a full disk; the bag is readable in every case. The exit code
-is 0 unless the disk was full.
+Ends on Ctrl-C, after --duration, or on a full disk; the bag is readable in every case. The exit
+code is 0 unless the disk was full.
 """
 
 from __future__ import annotations

@@ -57,7 +57,8 @@ class BagWriter:
     path
         Folder of the bag; must not exist.
     topics
-        Message type, as package/msg/Type, of every topic.
+        Message type, as package/msg/Type, of every topic; a name without a slash at its beginning
+        gets one, since bags hold full names.
     storage
         ``mcap`` or ``sqlite3``.
 
@@ -83,7 +84,7 @@ class BagWriter:
             raise ParameterError('bag', path, f"can't be written: {error.strerror}") from None
         self._connections = {
             topic: self._writer.add_connection(
-                topic,
+                '/' + topic.lstrip('/'),
                 message_type,
                 typestore=typestore,
                 offered_qos_profiles=_offered_qos(topic),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -22,7 +23,17 @@ MESSAGE_TYPES: dict[str, type] = {
     topics.STATE: JointState,
     topics.ESTIMATE: Float64MultiArray,
     topics.CLOCK: Clock,
+    topics.KEYFRAME: Image,
+    topics.DIAGNOSTICS: DiagnosticArray,
 }
+# What a verdict needs.
+_NEEDED = (
+    topics.LUMINOSITY,
+    topics.EVENTS,
+    topics.COMMAND,
+    topics.STATE,
+    topics.ESTIMATE,
+)
 
 
 def type_name(message_type: type) -> str:
@@ -75,9 +86,7 @@ class RunRecorder:
 
     def hears_every_node(self) -> bool:
         """Whether all topics that a verdict needs have a publisher."""
-        return all(
-            self._node.count_publishers(topic) for topic in MESSAGE_TYPES if topic != topics.CLOCK
-        )
+        return all(self._node.count_publishers(topic) for topic in _NEEDED)
 
     @property
     def wall_seconds(self) -> float:
@@ -89,4 +98,6 @@ class RunRecorder:
 def _qos(topic: str, mode: str) -> QoSProfile:
     if topic in (topics.EVENTS, topics.COMMAND):
         return topics.handshake_qos(mode)
+    if topic == topics.KEYFRAME:
+        return topics.latched_qos()
     return topics.clock_qos() if topic == topics.CLOCK else topics.stream_qos()

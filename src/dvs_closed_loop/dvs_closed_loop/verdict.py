@@ -11,7 +11,7 @@ import numpy as np
 
 from dvs_closed_loop.trace import Trace
 from dvs_hinf_controller.sector import sector
-from dvs_interfaces.model import FloatArray
+from dvs_interfaces.model import FloatArray, ReferenceBounds
 from dvs_interfaces.scenario import Scenario
 
 # Rounding of log, exp and the thresholds; the sector bound itself leaves no room.
@@ -126,6 +126,7 @@ def judge(
     h_star: float,
     wall_seconds: float,
     interrupted: bool,
+    bounds: ReferenceBounds | None = None,
 ) -> Verdict:
     """Verdict on a run.
 
@@ -143,6 +144,8 @@ def judge(
         Wall-clock time from the first command to the last, s.
     interrupted
         Whether the run was stopped before its end.
+    bounds
+        Bounds m, M of q(0); those around the first luminosity for None.
     """
     errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
     settled = trace.times_s >= trace.times_s[-1] * (2 / 3)
@@ -155,7 +158,7 @@ def judge(
         tolerance=scenario['tolerance'],
         final_error=float(errors[-1]),
         limsup_error=limsup,
-        sector_ratio_max=float(sector_ratios(trace, scenario).max(initial=0.0)),
+        sector_ratio_max=float(sector_ratios(trace, scenario, bounds).max(initial=0.0)),
         pixels=pixels,
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
@@ -168,7 +171,9 @@ def judge(
     )
 
 
-def sector_ratios(trace: Trace, scenario: Scenario) -> FloatArray:
+def sector_ratios(
+    trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None = None
+) -> FloatArray:
     """``|z - y| / (delta_z |y|)`` at every sample and pixel outside the dead band, flat (Lemma 4).
 
     Parameters
@@ -177,9 +182,11 @@ def sector_ratios(trace: Trace, scenario: Scenario) -> FloatArray:
         Signals of the run.
     scenario
         Its parameters.
+    bounds
+        Bounds m, M of q(0); those around the first luminosity for None.
     """
     bound = sector(
-        scenario.reference_bounds(trace.luminosities[0]),
+        bounds or scenario.reference_bounds(trace.luminosities[0]),
         event_threshold=scenario['event_threshold'],
         log_base=scenario['log_base'],
     ).error_bound

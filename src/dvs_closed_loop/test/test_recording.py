@@ -1,0 +1,132 @@
+"""Bags are written whole, are never overwritten, and stay readable when the disk is full."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from recording_cases import TYPES, packet, small_run
+from rosbags.rosbag2 import Reader
+
+from dvs_closed_loop.bag import read_bag
+from dvs_closed_loop.recording import STORAGES, BagFullError, BagWriter
+from dvs_interfaces import topics
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.scenario import Scenario
+
+MESSAGE = packet(0, 40, 0)
+
+
+def fill(path, storage, most=40_000):
+    """Write until the disk is full; return the number of messages that were accepted."""
+    with BagWriter(path, TYPES, storage=storage) as bag:
+        for k in range(most):
+            bag.write(topics.EVENTS, 1000 + k, MESSAGE)
+    raise AssertionError('the disk was never full')
+
+
+def assert_is_a_beginning(path, least):
+    with Reader(path) as reader:
+        times = [time for _, time, data in reader.messages() if bytes(data) == MESSAGE]
+        assert times == list(range(1000, 1000 + len(times)))
+        assert len(times) == reader.message_count
+    assert len(times) >= least
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_what_is_written_is_read(storage, tmp_path):
+    recorded = small_run()
+    scenario = Scenario.from_values({'event_threshold': 0.1, 'pixel_offsets': [0.0, 0.0]})
+    with BagWriter(tmp_path / 'bag', TYPES, storage=storage) as bag:
+        bag.keep_scenario(scenario, 'some name')
+        for topic, received, data in recorded:
+            bag.write(topic, received, data)
+
+    found = read_bag(tmp_path / 'bag')
+
+    assert [(m.topic, m.received_ns, m.data) for m in found.messages] == recorded
+    assert found.scenario == scenario
+    assert found.scenario_name == 'some name'
+    assert found.names[topics.EVENTS] == '/events'
+    assert not (tmp_path / 'bag' / '.reserve').exists()
+
+
+def test_an_mcap_file_is_readable_by_the_reference_library(tmp_path):
+    recorded = small_run(3000)
+    with BagWriter(tmp_path / 'bag', TYPES) as bag:
+        for topic, received, data in recorded:
+            bag.write(topic, received, data)
+
+    with (tmp_path / 'bag' / 'bag.mcap').open('rb') as file:
+        found = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file).iter_messages()]
+
+    assert found == [(f'/{topic}', received, data) for topic, received, data in recorded]
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_a_bag_is_never_overwritten(storage, tmp_path):
+    with BagWriter(tmp_path / 'bag', TYPES, storage=storage) as bag:
+        bag.write(topics.EVENTS, 7, MESSAGE)
+
+    with pytest.raises(ParameterError, match='is not overwritten'):
+        BagWriter(tmp_path / 'bag', TYPES, storage=storage)
+
+    assert len(read_bag(tmp_path / 'bag').messages) == 1
+
+
+# The limit is set in another process: it would be that of the whole test run.
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from test_recording import fill
+from dvs_closed_loop.recording import BagFullError
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
+try:
+    fill(Path(sys.argv[1]), sys.argv[2])
+except BagFullError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+@pytest.mark.parametrize('limit', [700_000, 1_234_567])
+def test_a_limit_on_file_sizes_leaves_a_readable_bag(limit, storage, tmp_path):
+    result = subprocess.run(
+        [sys.executable, '-c', LIMITED, str(tmp_path / 'bag'), storage, str(limit)],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+        capture_output=True,
+        text=True,
+    )
+
+    assert 'what was recorded before is kept' in result.stdout, result.stderr
+    assert_is_a_beginning(tmp_path / 'bag', least=200)
+
+
+@pytest.fixture
+def tiny_disk(tmp_path):
+    disk = tmp_path / 'disk'
+    disk.mkdir()
+    command = ['mount', '-t', 'tmpfs', '-o', 'size=6m', 'tmpfs', str(disk)]
+    mounted = subprocess.run(command, capture_output=True, text=True)
+    if mounted.returncode:
+        pytest.skip(f'this machine can\'t mount a tmpfs here: {mounted.stderr.strip()}')
+    yield disk
+    subprocess.run(['umount', str(disk)], check=True)
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_a_full_disk_leaves_a_readable_bag(storage, tiny_disk):
+    with pytest.raises(BagFullError, match='No space left|disk is full'):
+        fill(tiny_disk / 'bag', storage)
+
+    assert_is_a_beginning(tiny_disk / 'bag', least=4000)
+
+
+def test_a_disk_that_is_full_already_is_said_at_the_start(tiny_disk):
+    with (tiny_disk / 'ballast').open('wb') as file:
+        os.posix_fallocate(file.fileno(), 0, 5 * 2**20)
+
+    with pytest.raises(ParameterError, match='No space left'):
+        BagWriter(tiny_disk / 'bag', TYPES)
