@@ -1,4 +1,4 @@
-"""The pendulum's node: non-linear inside, checked against its scenario, regulated like any plant."""
+"""The pendulum: non-linear inside, checked against its scenario, regulated like any plant."""
 
 import numpy as np
 import pytest
