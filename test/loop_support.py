@@ -26,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / 'config'
 PACKAGE = {
     'plant_sim': 'dvs_plant_sim',
+    'pendulum_sim': 'dvs_plant_sim',
     'event_camera': 'dvs_event_camera',
     'hinf_controller': 'dvs_hinf_controller',
     'closed_loop': 'dvs_closed_loop',

@@ -1,0 +1,71 @@
+"""Two loops side by side in two namespaces of one domain, and none hears the other."""
+
+import subprocess
+
+from loop_support import CONFIG, environment, listening, program, run_closed_loop, wait_for
+from rosbags.rosbag2 import Reader
+
+from dvs_interfaces import topics
+
+STREAMS = (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE, topics.ESTIMATE)
+LOOPS = {'left': 'mirror_r1', 'cell/right': 'mirror_r9'}
+DURATION = '0.4'
+
+
+def streams_of(folder, scenario):
+    streams = {topic: [] for topic in STREAMS}
+    with Reader(folder / scenario / 'bag') as reader:
+        for connection, _, message in reader.messages():
+            stream = streams.get(connection.topic)
+            # On a loaded machine the plant may send an unanswered sample again.
+            if stream is not None and bytes(message) not in stream[-1:]:
+                stream.append(bytes(message))
+    return streams
+
+
+def start_loop(namespace, scenario, domain, folder):
+    return subprocess.Popen(
+        [
+            *(program('closed_loop'), '--params-file', str(CONFIG / f'{scenario}.yaml')),
+            *('--output', str(folder), '--duration', DURATION, '--namespace', namespace),
+        ],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def test_two_loops_run_side_by_side_as_if_alone(domain, new_domain, tmp_path, processes):
+    with listening(domain) as listener:
+        for namespace, scenario in LOOPS.items():
+            processes.append(start_loop(namespace, scenario, domain, tmp_path / 'both'))
+        seen = set()
+
+        def everything_is_seen():
+            seen.update(name for name, _ in listener.node.get_topic_names_and_types())
+            return all(f'/{ns}/{topic}' in seen for ns in LOOPS for topic in (*STREAMS, 'clock'))
+
+        assert wait_for(everything_is_seen)
+        # The listener itself subscribes to these two, in the root.
+        assert listener.node.count_publishers('/events') == 0
+        assert listener.node.count_publishers('/command') == 0
+        assert not seen & {'/luminosity', '/state', '/estimate', '/clock'}
+    for process in processes:
+        output, _ = process.communicate(timeout=60)
+        assert 'results' in output, output
+
+    for scenario in LOOPS.values():
+        alone = tmp_path / 'alone'
+        run_closed_loop(scenario, new_domain(), alone, '--duration', DURATION, '--composed')
+        together, single = streams_of(tmp_path / 'both', scenario), streams_of(alone, scenario)
+        assert len(single[topics.COMMAND]) == 401
+        assert together == single, scenario
+
+
+def test_a_namespace_that_is_no_name_is_refused(domain, tmp_path):
+    run = run_closed_loop('mirror_r3', domain, tmp_path, '--namespace', 'not a name')
+
+    assert run.returncode == 1
+    assert run.stderr.startswith('closed_loop: namespace = not a name: must be names of letters')
+    assert 'Traceback' not in run.stderr
