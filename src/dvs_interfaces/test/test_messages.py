@@ -138,7 +138,9 @@ def test_an_image_whose_rows_are_not_full_is_refused():
 
 @given(st.integers(1, 4), st.integers(1, 5), st.data())
 def test_luminosity_reads_back_to_the_bit(height, width, data):
-    y = np.array(data.draw(st.lists(st.floats(), min_size=height * width, max_size=height * width)))
+    y = np.array(
+        data.draw(st.lists(st.floats(), min_size=height * width, max_size=height * width))
+    )
 
     frame = parse_image(pack_image(0, y.reshape(height, width), '64FC1'))
 
