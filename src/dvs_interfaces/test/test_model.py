@@ -1,4 +1,4 @@
-"""Equilibria, reachable modes, scenes and reference bounds against hand cases and random plants."""
+"""Equilibria, modes in reach, scenes and reference bounds: hand cases and random plants."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def orthogonal(n, generator):
     'value', [[1.0, np.nan], [np.inf], ['a'], [[1.0]], 1.0, [1j], [10**400], None]
 )
 def test_an_array_that_is_not_a_finite_vector_is_refused_by_name(value):
-    with pytest.raises(ParameterError, match='^gain = '):
+    with pytest.raises(ParameterError, match=r'^gain = '):
         finite_array('gain', value, ndim=1)
 
 
