@@ -191,7 +191,9 @@ def sector_ratios(
         log_base=scenario['log_base'],
     ).error_bound
     y = trace.luminosities
-    ratios: FloatArray = np.abs(trace.estimates - y) / (bound * np.abs(y))
+    # No estimate is in the sector of y = 0: the ratio is infinite, or the pixel is silent.
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ratios: FloatArray = np.abs(trace.estimates - y) / (bound * np.abs(y))
     if scenario['photoreceptor'] == 'signed_log':
         outside = np.abs(y) >= float(scenario['dead_band'])
         return np.asarray(ratios[outside])

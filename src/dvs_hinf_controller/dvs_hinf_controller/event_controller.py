@@ -168,7 +168,8 @@ class EventController:
         """Advance to the packet's stamp through all of its events.
 
         A packet stamped before the previous one starts everything anew; one with the same stamp
-        adds its events at that instant.
+        adds its events at that instant. An event from before the previous packet acts from that
+        packet's stamp on.
 
         Parameters
         ----------
@@ -183,12 +184,14 @@ class EventController:
         Raises
         ------
         MessageError
-            If an event lies outside of the pixel array or the interval; nothing has changed then.
+            If an event lies outside of the pixel array or after the packet's stamp, events are not
+            in order, or a polarity or sign is not +1 or -1; nothing has changed then.
         """
         self._check(packet)
         restarted = self._stamp_ns is not None and packet.stamp_ns < self._stamp_ns
         if restarted:
             self._reset()
+            self._synchroniser.accept_any_index()
         self._change_threshold_before(packet.stamp_ns)
         duration_ns = 0 if self._stamp_ns is None else packet.stamp_ns - self._stamp_ns
         self._stamp_ns = packet.stamp_ns

@@ -39,7 +39,7 @@ class Synchroniser:
 
     def __init__(self) -> None:
         self.state = Synchrony.UNVERIFIED
-        self._next_index = 0
+        self._next_index: int | None = 0
         self._recent: deque[_Counted] = deque(maxlen=_MEMORY)
         self._pending: Keyframe | None = None
 
@@ -68,7 +68,8 @@ class Synchroniser:
         """
         lost = 0
         if len(indices):
-            lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
+            if self._next_index is not None:
+                lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
             self._next_index = (int(indices[-1]) + 1) % INDEX_MODULUS
         if lost:
             self.state = Synchrony.LOST
@@ -76,6 +77,10 @@ class Synchroniser:
         if self.state is not Synchrony.EXACT:
             self._recent.append(_Counted(stamp_ns, pixels, polarities, signs))
         return lost
+
+    def accept_any_index(self) -> None:
+        """Take the next index as it comes: a sensor that starts again may go on counting."""
+        self._next_index = None
 
     def start_epoch(self) -> None:
         """Forget packets and keyframes: the sensor counts from zero again."""

@@ -200,6 +200,7 @@ def parse_events(message: bytes) -> EventPacket:
         dtype = _parse_layout(reader)
     reader.u32()
     data = reader.octets()
+    reader.u8()
     if len(data) != count * EVENT_DTYPE.itemsize:
         raise MessageError(f'{count} events do not fit {len(data)} bytes of data')
     return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=dtype))

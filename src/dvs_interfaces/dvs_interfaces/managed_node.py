@@ -32,7 +32,7 @@ from dvs_interfaces.errors import SuiteError
 from dvs_interfaces.health import Health, Level, Trouble
 from dvs_interfaces.parameters import SCHEMA
 from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.schema import Kind, ParameterSpec, Value
+from dvs_interfaces.schema import Kind, ParameterSpec, Value, is_ros_parameter
 
 _ROS_TYPE = {
     Kind.BOOL: Parameter.Type.BOOL,
@@ -42,9 +42,6 @@ _ROS_TYPE = {
     Kind.INTS: Parameter.Type.INTEGER_ARRAY,
     Kind.FLOATS: Parameter.Type.DOUBLE_ARRAY,
 }
-# Names that ROS itself puts into parameter files and overrides.
-_ROS_NAMES = ('use_sim_time', 'start_type_description_service')
-_ROS_PREFIXES = ('qos_overrides.',)
 _DIAGNOSTICS_S = 1.0
 # Timers of a node follow the wall clock, even where use_sim_time ties the node's clock to /clock.
 _WALL_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
@@ -364,7 +361,7 @@ class ManagedNode(LifecycleNode):
         overrides = {
             name: parameter.value
             for name, parameter in self.get_parameters_by_prefix('').items()
-            if name not in _ROS_NAMES and not name.startswith(_ROS_PREFIXES)
+            if not is_ros_parameter(name)
         }
         for name in overrides:
             self.undeclare_parameter(name)

@@ -16,7 +16,7 @@ from dvs_interfaces.errors import ParameterError
 
 FloatArray = NDArray[np.float64]
 
-# Relative tolerance of ranks and Hautus tests.
+# Relative tolerance of ranks.
 _RANK_TOLERANCE = 1e-9
 
 
@@ -39,7 +39,7 @@ def finite_array(name: str, value: ArrayLike, *, ndim: int) -> FloatArray:
     """
     try:
         array = np.array(value, dtype=np.float64, copy=True, order='C')
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ParameterError(name, value, 'must be an array of numbers') from None
     if array.ndim != ndim:
         raise ParameterError(name, value, f'must have {ndim} axes, has {array.ndim}')
@@ -103,7 +103,7 @@ class PlantModel:
         return int(self.input_matrix.shape[1])
 
     def require_stabilizable(self) -> None:
-        """Raise `ParameterError` if an unstable mode of (A, B) is not reachable (Hautus test)."""
+        """Raise `ParameterError` if an unstable mode of (A, B) is not reachable."""
         mode = _uncontrollable_unstable_mode(self.state_matrix, self.input_matrix)
         if mode is not None:
             raise ParameterError(
@@ -114,7 +114,7 @@ class PlantModel:
             )
 
     def require_detectable(self) -> None:
-        """Raise `ParameterError` if an unstable mode of A is not seen by c (Hautus test)."""
+        """Raise `ParameterError` if an unstable mode of A is not seen by c."""
         mode = _uncontrollable_unstable_mode(self.state_matrix.T, self.output_vector[:, None])
         if mode is not None:
             raise ParameterError(
@@ -154,7 +154,7 @@ class PlantModel:
         a, b = self.state_matrix, self.input_matrix
         pseudo_inverse = np.linalg.pinv(b, rcond=_RANK_TOLERANCE)
         outside_range = (np.eye(n) - b @ pseudo_inverse) @ a
-        unreachable = np.eye(n) - _reachable_projector(a, b)
+        unreachable = _unreachable_basis(a, b).T
         residual = float(
             max(np.linalg.norm(outside_range @ wanted), np.linalg.norm(unreachable @ wanted))
         )
@@ -352,26 +352,33 @@ class ReferenceBounds:
 
 
 def _uncontrollable_unstable_mode(a: FloatArray, b: FloatArray) -> complex | None:
-    scale = max(1.0, float(np.linalg.norm(a, 2)), float(np.linalg.norm(b, 2)))
-    for mode in np.linalg.eigvals(a):
-        if mode.real < -_RANK_TOLERANCE * scale:
-            continue
-        pencil = np.hstack([mode * np.eye(a.shape[0]) - a, b])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK_TOLERANCE * scale:
+    """An unstable eigenvalue of what the staircase leaves over, if there is one.
+
+    A rank test at each eigenvalue of A would miss a mode out of reach in a Jordan chain: such
+    eigenvalues come with errors of ``eps^(1/k)``.
+    """
+    scale = max(1.0, float(np.linalg.norm(a, 2)))
+    unreachable = _unreachable_basis(a, b)
+    for mode in np.linalg.eigvals(unreachable.T @ a @ unreachable):
+        if mode.real >= -_RANK_TOLERANCE * scale:
             return complex(mode)
     return None
 
 
-def _reachable_projector(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Orthogonal projector on the reachable subspace, grown column by column (staircase)."""
+def _unreachable_basis(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Orthonormal basis of what is orthogonal to the reachable subspace, shape (n, n - k).
+
+    The reachable subspace grows from range(B) by A (staircase: Dooren, IEEE TAC 26(1), 1981).
+    """
     scale = max(1.0, float(np.linalg.norm(a, 2)))
     basis: Any = _orthonormal_basis(b)
-    while basis.shape[1] < a.shape[0]:
+    while 0 < basis.shape[1] < a.shape[0]:
         grown = _orthonormal_basis(np.hstack([basis, a @ basis / scale]))
         if grown.shape[1] == basis.shape[1]:
             break
         basis = grown
-    return np.asarray(basis @ basis.T)
+    complement: Any = np.linalg.svd(basis, full_matrices=True)[0][:, basis.shape[1] :]
+    return np.asarray(complement)
 
 
 def _orthonormal_basis(matrix: FloatArray) -> FloatArray:

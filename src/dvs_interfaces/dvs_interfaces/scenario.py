@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ import yaml
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel, ReferenceBounds
 from dvs_interfaces.parameters import SCHEMA
-from dvs_interfaces.schema import Value
+from dvs_interfaces.schema import Value, is_ros_parameter
 
 NANOSECONDS = 1_000_000_000
 
@@ -80,6 +81,8 @@ class Scenario:
             If the lengths of the matrices do not fit together.
         """
         n = len(self['output_vector'])
+        if n == 0:
+            raise ParameterError('output_vector', [], 'must not be empty')
         return PlantModel(
             state_matrix=self._matrix('state_matrix', rows=n, columns=n),
             input_matrix=self._matrix('input_matrix', rows=n, columns=None),
@@ -176,7 +179,9 @@ class Scenario:
     def sample_count(self) -> int:
         """Number of the last sample, ``duration / sampling_period``; 0 means no end."""
         duration_s: float = self['duration']
-        return round(duration_s * NANOSECONDS / self.sampling_period_ns)
+        if duration_s == 0:
+            return 0
+        return max(1, round(duration_s * NANOSECONDS / self.sampling_period_ns))
 
     @property
     def command_limit(self) -> FloatArray:
@@ -228,6 +233,17 @@ class Scenario:
         return PixelScene(brightness_offsets=offsets.ravel(), height=height, width=width)
 
 
+class _RosLoader(yaml.SafeLoader):
+    """YAML as ROS reads it: 1e-3 is a number, for YAML 1.1 it is a string."""
+
+
+_RosLoader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
+    list('-+.0123456789'),
+)
+
+
 def load_scenario(path: str | Path) -> Scenario:
     """Scenario of a ROS 2 parameter file (``/**: ros__parameters:``).
 
@@ -243,10 +259,10 @@ def load_scenario(path: str | Path) -> Scenario:
         breaks its rule.
     """
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        document = yaml.load(Path(path).read_text(encoding='utf-8'), _RosLoader)
     except OSError as error:
         raise ParameterError('params-file', path, f'cannot be read: {error.strerror}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         reason = ' '.join(str(error).split())
         raise ParameterError('params-file', path, f'is not YAML: {reason}') from None
     return Scenario.from_values(_merged_parameters(path, document))
@@ -260,7 +276,8 @@ def _merged_parameters(path: str | Path, document: object) -> dict[str, Any]:
         parameters = body.get('ros__parameters') if isinstance(body, dict) else None
         if not isinstance(parameters, dict):
             raise ParameterError('params-file', path, f'has no ros__parameters under {node}')
-        merged.update(_flattened(parameters))
+        flat = _flattened(parameters)
+        merged.update({name: flat[name] for name in flat if not is_ros_parameter(name)})
     return merged
 
 

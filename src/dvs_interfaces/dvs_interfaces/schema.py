@@ -7,11 +7,26 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
+from numbers import Real
 from typing import Any
 
 from dvs_interfaces.errors import ParameterError
 
+# Names that ROS itself puts into parameter files and overrides.
+_ROS_NAMES = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+
 Value = bool | int | float | str | tuple[int, ...] | tuple[float, ...]
+
+
+def is_ros_parameter(name: str) -> bool:
+    """Whether a parameter belongs to ROS and not to this suite.
+
+    Parameters
+    ----------
+    name
+        Name of the parameter, groups divided by dots.
+    """
+    return name.split('.')[0] in _ROS_NAMES
 
 
 class Kind(Enum):
@@ -151,12 +166,18 @@ class ParameterSpec:
         return tuple(self._validate_number(entry, whole=whole) for entry in value)
 
     def _validate_number(self, value: Any, *, whole: bool) -> Any:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not math.isfinite(value) or value not in self.interval:
+        if not _is_finite(value) or value not in self.interval:
             raise ParameterError(self.name, value, self.rule)
         if whole and value != int(value):
             raise ParameterError(self.name, value, self.rule)
         return int(value) if whole else float(value)
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 class Schema(Mapping[str, ParameterSpec]):

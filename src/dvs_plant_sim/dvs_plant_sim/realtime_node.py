@@ -42,7 +42,7 @@ class RealtimeDriver:
         """Count samples from now on."""
         self._plant = RealtimePlant(self._node.plant)
         self._start_ns = self._now_ns()
-        self._sample = 0
+        self._sample = self._released_at = 0
         self._stale = False
         self._samples = self._skipped = self._skipped_reported = self._worst_delay_ns = 0
         self._sample_rate = RateMeter()

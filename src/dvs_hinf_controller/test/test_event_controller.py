@@ -1,0 +1,326 @@
+"""Estimator and K against a reference that takes one event at a time by matrix exponentials."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.event_controller import EventController
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.events import EVENT_DTYPE, INDEX_MODULUS, EventPacket
+from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
+
+MS = 1_000_000
+H = 0.1
+HEIGHT, WIDTH = 2, 3
+PIXELS = HEIGHT * WIDTH
+LOWER = np.linspace(0.4, 0.6, PIXELS)
+UPPER = LOWER * np.linspace(1.0, 1.1, PIXELS)
+
+
+def problem():
+    model = PlantModel(
+        state_matrix=[[2, 10], [0, 5]], input_matrix=np.eye(2), output_vector=[2, 1]
+    )
+    return DesignProblem(
+        model=model,
+        equilibrium=model.equilibrium([0.2, -0.1], tolerance=1e-9),
+        scene=PixelScene(
+            brightness_offsets=np.linspace(-0.1, 0.1, PIXELS), height=HEIGHT, width=WIDTH
+        ),
+        bounds=ReferenceBounds(lower=LOWER, upper=UPPER),
+        tolerance=0.05,
+        log_base=2.0,
+    )
+
+
+PROBLEM = problem()
+
+
+def gains(a, seed=0):
+    generator = np.random.default_rng(seed)
+    k = len(a)
+    return LinearController(
+        state_matrix=a,
+        input_vector=generator.standard_normal(k),
+        output_matrix=generator.standard_normal((2, k)),
+        feedthrough=generator.standard_normal(2),
+    )
+
+
+CONTROLLERS = {
+    'stable': gains(np.array([[-3.0, 1.0, 0.0], [-1.0, -3.0, 2.0], [0.5, 0.0, -5.0]])),
+    'unstable': gains(np.array([[4.0, 1.0], [0.0, -3.0]])),
+    'defective': gains(np.array([[-2.0, 1.0, 0.0], [0.0, -2.0, 1.0], [0.0, 0.0, -2.0]])),
+    'integrators': gains(np.array([[0.0, 1.0], [0.0, 0.0]])),
+    'stiff': gains(np.array([[-1e6, 3e3, 0.0], [0.0, -2e3, 1.0], [0.0, 0.0, -2.0]])),
+    'static': gains(np.zeros((0, 0))),
+}
+
+
+def running(controller=CONTROLLERS['stable'], limit=np.inf):
+    return EventController(
+        PROBLEM, controller, event_threshold=H, command_limit=np.broadcast_to(limit, (2,))
+    )
+
+
+def packet(stamp_ns, rows=(), first_index=0):
+    """Packet of (time relative to the stamp, pixel, polarity, sign), sorted as the camera does."""
+    events = np.zeros(len(rows), EVENT_DTYPE)
+    for k, (t, pixel, polarity, sign) in enumerate(sorted(rows, key=lambda row: row[:2])):
+        y, x = divmod(pixel, WIDTH)
+        events[k] = (x, y, t, (first_index + k) % INDEX_MODULUS, polarity, sign)
+    return EventPacket(stamp_ns=stamp_ns, events=events)
+
+
+class OneAtATime:
+    """The continuous-time controller, integrated from event to event."""
+
+    def __init__(self, controller):
+        self.k = controller
+        rho = 2.0**-H
+        self.first = 2 * LOWER * UPPER * rho / (UPPER + LOWER * rho**2)
+        self.counts = np.zeros(PIXELS, int)
+        self.estimate = self.first.copy()
+        self.state = np.zeros(controller.order)
+        self.target = np.mean([2 * 0.2 - 0.1 + d for d in np.linspace(-0.1, 0.1, PIXELS)])
+        self.stamp_ns = None
+
+    @property
+    def deviation(self):
+        return self.estimate.mean() - self.target
+
+    @property
+    def command(self):
+        feedforward = -np.array([2 * 0.2 - 10 * 0.1, -5 * 0.1])
+        k = self.k
+        return k.output_matrix @ self.state + k.feedthrough * self.deviation + feedforward
+
+    def hold(self, duration_ns):
+        n = self.k.order
+        augmented = np.zeros((n + 1, n + 1))
+        augmented[:n, :n] = self.k.state_matrix
+        augmented[:n, n] = self.k.input_vector
+        step = expm(augmented * (duration_ns * 1e-9))
+        self.state = step[:n, :n] @ self.state + step[:n, n] * self.deviation
+
+    def take(self, packet):
+        now = packet.stamp_ns if self.stamp_ns is None else self.stamp_ns
+        for event in packet.events:
+            at = max(packet.stamp_ns + int(event['t']), now)
+            self.hold(at - now)
+            now = at
+            pixel = int(event['y']) * WIDTH + int(event['x'])
+            self.counts[pixel] += event['polarity']
+            self.estimate[pixel] = (
+                event['sign'] * self.first[pixel] * 2.0 ** (H * self.counts[pixel])
+            )
+        self.hold(packet.stamp_ns - now)
+        self.stamp_ns = packet.stamp_ns
+
+
+# An event, or the two of a change of sign: OFF with the old sign and ON with the new one.
+single = st.tuples(st.just(False), st.sampled_from([1, -1]))
+change_of_sign = st.tuples(st.just(True), st.sampled_from([1, -1]))
+moments = st.one_of(st.sampled_from([0, -1, -MS // 2, 1 - MS]), st.integers(1 - MS, 0))
+happenings = st.lists(
+    st.tuples(moments, st.integers(0, PIXELS - 1), st.one_of(single, change_of_sign)), max_size=12
+)
+courses = st.lists(happenings, min_size=1, max_size=4)
+
+
+def packets_of(course, period_ns=MS):
+    index = 0
+    made = []
+    for k, happened in enumerate(course, start=1):
+        rows = []
+        for t, pixel, (changes_sign, value) in happened:
+            if changes_sign:
+                rows += [(t, pixel, -1, value), (t, pixel, 1, -value)]
+            else:
+                rows.append((t, pixel, value, 1))
+        made.append(packet(k * period_ns, rows, index))
+        index = (index + len(rows)) % INDEX_MODULUS
+    return [packet(0), *made]
+
+
+def assert_same(found, expected, rtol=1e-9):
+    np.testing.assert_array_equal(found.counts, expected.counts)
+    np.testing.assert_allclose(found.estimate, expected.estimate, rtol=1e-12)
+    np.testing.assert_allclose(found.command, expected.command, rtol=rtol, atol=rtol)
+
+
+@pytest.mark.parametrize('name', CONTROLLERS)
+@given(course=courses)
+def test_a_packet_at_a_time_is_the_same_as_an_event_at_a_time(name, course):
+    found, expected = running(CONTROLLERS[name]), OneAtATime(CONTROLLERS[name])
+
+    for one in packets_of(course):
+        report = found.take(one)
+        expected.take(one)
+        assert (report.lost_events, report.restarted) == (0, False)
+        assert_same(found, expected)
+
+
+@pytest.mark.parametrize('name', ['stable', 'defective', 'stiff', 'static'])
+@given(course=st.lists(happenings, min_size=2, max_size=2))
+def test_one_packet_of_twice_the_length_is_the_same_as_two(name, course):
+    apart, together = running(CONTROLLERS[name]), running(CONTROLLERS[name])
+    packets = packets_of(course)
+    apart.take(packets[0])
+    together.take(packets[0])
+
+    for first, second in zip(packets[1::2], packets[2::2], strict=True):
+        apart.take(first)
+        apart.take(second)
+        early = first.events.copy()
+        early['t'] -= MS
+        both = np.concatenate([early, second.events])
+        together.take(EventPacket(stamp_ns=second.stamp_ns, events=both))
+        assert_same(together, apart)
+
+
+def test_counts_are_integers_that_never_drift():
+    there_and_back = running()
+    first = there_and_back.estimate.copy()
+    index = 0
+    for k in range(400):
+        rows = [(0, 2, 1 if k % 2 else -1, 1)] * 3
+        there_and_back.take(packet(k * MS, rows, index))
+        index += 3
+
+    np.testing.assert_array_equal(there_and_back.counts, np.zeros(PIXELS))
+    np.testing.assert_array_equal(there_and_back.estimate, first)
+
+
+def test_before_any_event_the_command_rests_on_the_first_estimate():
+    found, expected = running(), OneAtATime(CONTROLLERS['stable'])
+
+    np.testing.assert_allclose(found.estimate, expected.first, rtol=1e-12)
+    np.testing.assert_allclose(found.command, expected.command, rtol=1e-12)
+
+
+def test_the_first_packet_sets_the_clock():
+    late, early = running(), running()
+
+    late.take(packet(10**18, [(0, 0, 1, 1)]))
+    early.take(packet(0, [(0, 0, 1, 1)]))
+
+    np.testing.assert_array_equal(late.command, early.command)
+
+
+def test_a_packet_with_the_same_stamp_adds_its_events_at_that_instant():
+    twice, once = running(), running()
+    for each in (twice, once):
+        each.take(packet(0))
+
+    twice.take(packet(MS, [(-5, 0, 1, 1)]))
+    twice.take(packet(MS, [(0, 1, -1, 1)], first_index=1))
+    once.take(packet(MS, [(-5, 0, 1, 1), (0, 1, -1, 1)]))
+
+    assert_same(twice, once)
+
+
+def test_an_event_from_before_the_last_packet_acts_from_that_packet_on():
+    # A camera with latency or after a loss: K has passed that time already.
+    found, expected = running(), running()
+    for each in (found, expected):
+        each.take(packet(0))
+        each.take(packet(MS))
+
+    found.take(packet(2 * MS, [(-int(1.5 * MS), 0, 1, 1)]))
+    expected.take(packet(2 * MS, [(-MS, 0, 1, 1)]))
+
+    assert_same(found, expected)
+
+
+def test_time_that_goes_back_starts_everything_anew():
+    again, fresh = running(), running()
+    again.take(packet(0))
+    again.take(packet(5 * MS, [(-MS, 0, 1, 1), (0, 3, -1, -1)]))
+
+    report = again.take(packet(0, first_index=2))
+    fresh.take(packet(0))
+    assert report.restarted
+    assert_same(again, fresh, rtol=0)
+
+    # The camera goes on counting its events, or has begun anew: neither is a loss.
+    following = [(-MS // 3, 4, 1, 1)]
+    assert again.take(packet(MS, following, first_index=2)).lost_events == 0
+    fresh.take(packet(MS, following))
+    assert_same(again, fresh, rtol=0)
+    assert again.take(packet(2 * MS, following, first_index=5)).lost_events == 2
+
+
+@pytest.mark.parametrize(
+    ('before', 'first', 'lost'),
+    [
+        (None, 7, 7),
+        (0, 1, 0),
+        (0, 4, 3),
+        (INDEX_MODULUS - 1, 0, 0),
+        (INDEX_MODULUS - 1, 5, 5),
+        (INDEX_MODULUS - 3, 1, 3),
+    ],
+)
+def test_a_gap_in_the_index_is_a_loss(before, first, lost):
+    found = running()
+    found.take(packet(0))
+    if before is not None:
+        found.take(packet(MS, [(0, 0, 1, 1)], first_index=before))
+
+    assert found.take(packet(2 * MS)).lost_events == 0
+    assert found.take(packet(3 * MS, [(0, 0, 1, 1)], first_index=first)).lost_events == lost
+
+
+BAD = {
+    'x outside': ('x', WIDTH, 'outside of the 3 x 2 pixels'),
+    'y outside': ('y', HEIGHT, 'outside of the 3 x 2 pixels'),
+    'after the stamp': ('t', 1, "nor exceed the packet's stamp"),
+    'out of order': ('t', -MS + 1, 'must not decrease'),
+    'no polarity': ('polarity', 0, r'must be \+1 or -1'),
+    'polarity 2': ('polarity', 2, r'must be \+1 or -1'),
+    'polarity -128': ('polarity', -128, r'must be \+1 or -1'),
+    'no sign': ('sign', 0, r'must be \+1 or -1'),
+}
+
+
+@pytest.mark.parametrize('kind', BAD)
+def test_a_packet_that_is_refused_changes_nothing(kind):
+    field, value, reason = BAD[kind]
+    touched, untouched = running(), running()
+    for each in (touched, untouched):
+        each.take(packet(0))
+        each.take(packet(MS, [(-7, 1, 1, 1)]))
+    bad = packet(2 * MS, [(-9, 0, 1, 1), (-5, 5, -1, 1)], first_index=1)
+    bad.events[field][1] = value
+
+    with pytest.raises(MessageError, match=reason):
+        touched.take(bad)
+
+    following = packet(3 * MS, [(-3, 2, 1, 1)], first_index=1)
+    assert touched.take(following) == untouched.take(following)
+    assert_same(touched, untouched, rtol=0)
+
+
+def test_the_command_is_limited_input_by_input():
+    free = running()
+    limits = np.abs(free.command) * [0.5, 2.0]
+    limited = running(limit=limits)
+
+    np.testing.assert_allclose(limited.command[0], math.copysign(limits[0], free.command[0]))
+    assert limited.command[1] == free.command[1]
+
+
+def test_a_limit_does_not_reach_into_the_state():
+    limited, free = running(limit=1e-3), running()
+    for each in (limited, free):
+        each.take(packet(0))
+        each.take(packet(MS, [(-7, 1, 1, 1)]))
+
+    np.testing.assert_allclose(limited.command, np.clip(free.command, -1e-3, 1e-3), rtol=0)
