@@ -48,7 +48,11 @@ def small_run(samples: int = 60) -> Recorded:
         stamp, received = k * PERIOD_NS, 1_700_000_000_000_000_000 + 2 * k * PERIOD_NS
         names = ('x1', 'x2')
         recorded += [
-            (topics.STATE, received, pack_state(Vector(stamp_ns=stamp, names=names, values=state))),
+            (
+                topics.STATE,
+                received,
+                pack_state(Vector(stamp_ns=stamp, names=names, values=state)),
+            ),
             (topics.LUMINOSITY, received + 1000, pack_image(stamp, y.reshape(1, 3), '64FC1')),
             (topics.EVENTS, received + 2000, packet(stamp, k % 2, k // 2)),
             (topics.ESTIMATE, received + 3000, pack_array(y * 1.01)),
@@ -66,7 +70,9 @@ def with_foreign_padding(message: bytes) -> bytes:
     return message[:2] + b'\x00\x03' + message[4:] + b'\xde\xad\xbe'
 
 
-def write_like_rosbag2(folder: Path, storage: str, recorded: Recorded, namespace: str = '') -> Path:
+def write_like_rosbag2(
+    folder: Path, storage: str, recorded: Recorded, namespace: str = ''
+) -> Path:
     """A bag as `ros2 bag record` of Jazzy writes it, without the code under test and its library."""
     folder.mkdir(parents=True)
     name = f'{folder.name}_0.{"mcap" if storage == "mcap" else "db3"}'

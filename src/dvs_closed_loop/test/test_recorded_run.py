@@ -108,7 +108,9 @@ def test_a_damaged_bag_is_one_clear_message(damage, tmp_path):
         folder = write_like_rosbag2(tmp_path / 'whole', 'mcap', small_run())
         path.write_bytes((folder / 'whole_0.mcap').read_bytes()[:-100])
     elif damage != 'absent':
-        path.write_bytes(b'' if damage == 'empty' else b'no bag at all, but a text of some length\n')
+        path.write_bytes(
+            b'' if damage == 'empty' else b'no bag at all, but a text of some length\n'
+        )
 
     with pytest.raises(ParameterError, match='^bag = '):
         read_bag(path)

@@ -111,7 +111,7 @@ def tiny_disk(tmp_path):
     command = ['mount', '-t', 'tmpfs', '-o', 'size=6m', 'tmpfs', str(disk)]
     mounted = subprocess.run(command, capture_output=True, text=True)
     if mounted.returncode:
-        pytest.skip(f'this machine can\'t mount a tmpfs here: {mounted.stderr.strip()}')
+        pytest.skip(f"this machine can't mount a tmpfs here: {mounted.stderr.strip()}")
     yield disk
     subprocess.run(['umount', str(disk)], check=True)
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from dvs_interfaces.model import FloatArray
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -17,6 +16,7 @@ from PIL import Image
 from dvs_closed_loop import plotting
 from dvs_closed_loop.paper.experiments import Experiment
 from dvs_closed_loop.paper.published import TOLERANCE
+from dvs_interfaces.model import FloatArray
 
 FRAMES_PER_SECOND = 15
 # The approach takes a tenth of a second, the limit cycle goes on for ever: half the frames each.
@@ -151,12 +151,16 @@ class _Scene:
         (self.path,) = axes.plot([], [], color=plotting.SKY, lw=1.4)
         axes.plot(*loop.equilibrium.state[:2], 'o', color=plotting.VERMILION, ms=7)
         angle = np.linspace(0, 2 * np.pi, 100)
-        ball = loop.equilibrium.state[:, None] + TOLERANCE * np.array([np.cos(angle), np.sin(angle)])
+        ball = loop.equilibrium.state[:, None] + TOLERANCE * np.array(
+            [np.cos(angle), np.sin(angle)]
+        )
         axes.plot(*ball, '--', color=plotting.VERMILION, lw=1.1)
         self.camera = Rectangle((0, 0), 0.032, 0.024, fill=False, ec=plotting.GREEN, lw=2.2)
         axes.add_patch(self.camera)
         axes.set(
-            xlabel=r'$x_1$ [unit of x]', ylabel=r'$x_2$ [unit of x]', title='Platform over the profile'
+            xlabel=r'$x_1$ [unit of x]',
+            ylabel=r'$x_2$ [unit of x]',
+            title='Platform over the profile',
         )
         self.states = states
 
