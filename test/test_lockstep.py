@@ -16,8 +16,9 @@ def streams_of_bag(path):
     streams = {topic: [] for topic in STREAMS}
     with Reader(path) as reader:
         for connection, _, message in reader.messages():
-            if connection.topic in streams:
-                streams[connection.topic].append(bytes(message))
+            topic = connection.topic.removeprefix('/')
+            if topic in streams:
+                streams[topic].append(bytes(message))
     return streams
 
 

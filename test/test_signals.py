@@ -82,7 +82,7 @@ def test_closed_loop_ends_on_a_signal(number, domain, processes, tmp_path):
     assert '(interrupted)' in output
     assert not [pid for pid in nodes if is_running(pid)]
     with Reader(bag) as reader:
-        counts = {c.topic: c.msgcount for c in reader.connections}
+        counts = {c.topic.removeprefix('/'): c.msgcount for c in reader.connections}
         assert sum(1 for _ in reader.messages()) == reader.message_count
     assert counts['command'] > 100
     assert counts['events'] >= counts['command']

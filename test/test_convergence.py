@@ -1,0 +1,52 @@
+"""The sampled loop converges to the exact hybrid automaton as the sampling period goes to zero."""
+
+import numpy as np
+import pytest
+from loop_support import CONFIG, run_closed_loop
+from test_lockstep import STREAMS, streams_of_bag
+
+from dvs_closed_loop.exact import ClosedLoop, simulate
+from dvs_closed_loop.sampled_loop import run_sampled
+from dvs_hinf_controller.design import design_from_scenario
+from dvs_interfaces.messages import parse_state
+from dvs_interfaces.scenario import load_scenario
+
+# While the loop goes down to its limit cycle; later a late event shifts the phase of the cycle.
+HORIZON_S = 0.4
+PERIODS_S = (0.004, 0.002, 0.001, 0.0005)
+
+
+@pytest.mark.parametrize('name', ['mirror_r1', 'mirror_r3', 'paper_r3'])
+def test_the_trajectory_converges_with_first_order(name, record_property):
+    scenario = load_scenario(CONFIG / f'{name}.yaml').replace(duration=HORIZON_S)
+    times = np.arange(0, HORIZON_S + 1e-9, PERIODS_S[0])
+    design = design_from_scenario(scenario)
+    loop = ClosedLoop.from_scenario(scenario, design.controller)
+    exact = simulate(loop, duration=HORIZON_S, sample_times=times).states
+    errors = []
+    for period in PERIODS_S:
+        run = run_sampled(scenario.replace(sampling_period=period))
+        states = np.array([parse_state(message).values for message in run.messages['state']])
+        stride = round(PERIODS_S[0] / period)
+        errors.append(np.abs(states[::stride] - exact).max())
+
+    order = np.polyfit(np.log(PERIODS_S), np.log(errors), 1)[0]
+    record_property('order', order)
+    print(f'{name}: errors {np.array(errors)}, measured order {order:.2f}')
+    # The command is held for a period: a delay of half of it, hence first order.
+    assert 0.8 < order < 1.3
+    assert np.all(np.diff(errors) < 0)
+    assert errors[-1] < 0.01
+
+
+def test_without_ros_the_bytes_are_those_of_the_nodes(domain, tmp_path):
+    run = run_closed_loop('mirror_r9', domain, tmp_path, '--duration', '1')
+    assert run.returncode == 0, run.stdout + run.stderr
+
+    scenario = load_scenario(CONFIG / 'mirror_r9.yaml').replace(duration=1.0)
+    alone = run_sampled(scenario).messages
+
+    recorded = streams_of_bag(tmp_path / 'mirror_r9' / 'bag')
+    assert len(recorded['command']) == 1001
+    for topic in STREAMS:
+        assert recorded[topic] == alone[topic]
