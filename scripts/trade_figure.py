@@ -59,7 +59,7 @@ def main() -> None:
         ylim=(0, 0.25),
         title='What a slower loop costs (scenario mirror_r1)',
     )
-    thresholds.legend(frameon=False, fontsize=8, ncols=3, loc='upper center')
+    thresholds.legend(frameon=False, fontsize=8, ncols=3, loc='lower center')
     periods.set(xlabel='bandwidth_limit [rad/s]', ylabel='longest sampling period [ms]')
     for axes in (thresholds, periods):
         axes.grid(alpha=0.3, which='both')
