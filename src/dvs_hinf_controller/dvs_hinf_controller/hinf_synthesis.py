@@ -245,23 +245,24 @@ def _least_gamma(plant: GeneralizedPlant, rtol: float, tests: list[GammaTest]) -
 
 def _solve(plant: GeneralizedPlant, gamma: float) -> _Solution:
     x = _riccati(plant.a, plant.b1, plant.b2, plant.c1, plant.d12, gamma)
-    y = _riccati(plant.a.T, plant.c1.T, plant.c2.T, plant.b1.T, plant.d21.T, gamma)
-    failure: Assumption | None = None
-    radius = math.nan
     if x is None:
-        failure = Assumption.X_ABSENT
-    elif not is_semidefinite(x):
-        failure = Assumption.X_INDEFINITE
-    elif y is None:
-        failure = Assumption.Y_ABSENT
-    elif not is_semidefinite(y):
-        failure = Assumption.Y_INDEFINITE
-    else:
-        radius = float(np.max(np.abs(np.linalg.eigvals(x @ y)))) / gamma**2 if x.size else 0.0
-        if radius >= 1:
-            failure = Assumption.SPECTRAL_RADIUS
-    test = GammaTest(gamma=gamma, failure=failure, spectral_radius=radius)
-    return _Solution(test=test) if failure else _Solution(test=test, x=x, y=y)
+        return _failed(gamma, Assumption.X_ABSENT)
+    if not is_semidefinite(x):
+        return _failed(gamma, Assumption.X_INDEFINITE)
+    y = _riccati(plant.a.T, plant.c1.T, plant.c2.T, plant.b1.T, plant.d21.T, gamma)
+    if y is None:
+        return _failed(gamma, Assumption.Y_ABSENT)
+    if not is_semidefinite(y):
+        return _failed(gamma, Assumption.Y_INDEFINITE)
+    radius = float(np.max(np.abs(np.linalg.eigvals(x @ y)), initial=0.0)) / gamma**2
+    if radius >= 1:
+        return _failed(gamma, Assumption.SPECTRAL_RADIUS, radius)
+    test = GammaTest(gamma=gamma, failure=None, spectral_radius=radius)
+    return _Solution(test=test, x=x, y=y)
+
+
+def _failed(gamma: float, failure: Assumption, radius: float = math.nan) -> _Solution:
+    return _Solution(test=GammaTest(gamma=gamma, failure=failure, spectral_radius=radius))
 
 
 def _riccati(

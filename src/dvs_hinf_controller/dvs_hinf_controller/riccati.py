@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import lapack
 
 from dvs_interfaces.model import FloatArray
 
 _AXIS_TOLERANCE = 1e-11
 _RESIDUAL_TOLERANCE = 1e-6
-_NEGLIGIBLE_RESIDUAL = 1e-11
+_NEGLIGIBLE_RESIDUAL = 1e-10
 _NEWTON_STEPS = 3
 
 
@@ -32,30 +34,35 @@ def stabilizing_solution(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatAr
         Symmetric, shape (n, n).
     """
     n = a.shape[0]
-    scale = _symplectic_scale(np.block([[a, -s], [-q, -a.T]]))
+    scale = _symplectic_scale(_hamiltonian(a, s, q))
     a, s, q = a * scale[:, None] / scale, s * np.outer(scale, scale), q / np.outer(scale, scale)
-    hamiltonian = np.block([[a, -s], [-q, -a.T]])
-    try:
-        form, basis, stable = scipy.linalg.schur(hamiltonian, output='real', sort='lhp')
-    except np.linalg.LinAlgError:  # eigenvalues on the axis change sides while being sorted
+    hamiltonian = _hamiltonian(a, s, q)
+    _, stable, real, imaginary, basis, _, info = lapack.dgees(_is_stable, hamiltonian, sort_t=1)
+    if info != 0 or stable != n:  # info > 2n: modes on the axis change sides while being sorted
         return None
-    modes = np.linalg.eigvals(form)
-    if stable != n or np.any(np.abs(modes.real) <= _AXIS_TOLERANCE * np.abs(modes).max()):
+    if np.min(np.abs(real)) <= _AXIS_TOLERANCE * np.max(np.hypot(real, imaginary)):
         return None
     top, bottom = basis[:n, :n], basis[n:, :n]
     if np.linalg.cond(top) > 1e13:
         return None
     x = np.linalg.solve(top.T, bottom.T).T
-    x = _refined(a, s, q, (x + x.T) / 2)
-    if _residual(a, s, q, x) > _RESIDUAL_TOLERANCE:
+    x, residual = _refined(a, s, q, (x + x.T) / 2)
+    if residual > _RESIDUAL_TOLERANCE:
         return None
     return np.asarray(x * np.outer(scale, scale), dtype=np.float64)
 
 
-def _refined(a: FloatArray, s: FloatArray, q: FloatArray, x: FloatArray) -> FloatArray:
+def _is_stable(real: float, _: float) -> bool:
+    return real < 0
+
+
+def _refined(
+    a: FloatArray, s: FloatArray, q: FloatArray, x: FloatArray
+) -> tuple[FloatArray, float]:
     """A few Newton steps where rounding has left a residual (Kleinman 1968)."""
+    residual = _residual(a, s, q, x)
     for _ in range(_NEWTON_STEPS):
-        if _residual(a, s, q, x) < _NEGLIGIBLE_RESIDUAL:
+        if residual < _NEGLIGIBLE_RESIDUAL:
             break
         closed = a - s @ x
         modes = np.linalg.eigvals(closed)
@@ -63,15 +70,33 @@ def _refined(a: FloatArray, s: FloatArray, q: FloatArray, x: FloatArray) -> Floa
             break
         with warnings.catch_warnings():  # nearly singular: the residual decides
             warnings.simplefilter('ignore', RuntimeWarning)
-            x = scipy.linalg.solve_continuous_lyapunov(closed.T, -q - x @ s @ x)
-        x = (x + x.T) / 2
-    return x
+            step = scipy.linalg.solve_continuous_lyapunov(closed.T, -q - x @ s @ x)
+        step = (step + step.T) / 2
+        improved = _residual(a, s, q, step)
+        if not improved < residual:
+            break
+        x, residual = step, improved
+    return x, residual
 
 
 def _residual(a: FloatArray, s: FloatArray, q: FloatArray, x: FloatArray) -> float:
-    terms = (a.T @ x, x @ a, -x @ s @ x, q)
-    size = sum(float(np.linalg.norm(term)) for term in terms)
-    return float(np.linalg.norm(sum(terms))) / max(size, 1e-300)
+    """Relative residual of the equation."""
+    linear = x @ a
+    quadratic = x @ s @ x
+    size = 2 * _frobenius(linear) + _frobenius(quadratic) + _frobenius(q)
+    return _frobenius(linear + linear.T - quadratic + q) / max(size, 1e-300)
+
+
+def _frobenius(matrix: FloatArray) -> float:
+    return math.sqrt(float(np.vdot(matrix, matrix)))
+
+
+def _hamiltonian(a: FloatArray, s: FloatArray, q: FloatArray) -> FloatArray:
+    n = a.shape[0]
+    matrix = np.empty((2 * n, 2 * n))
+    matrix[:n, :n], matrix[:n, n:] = a, -s
+    matrix[n:, :n], matrix[n:, n:] = -q, -a.T
+    return matrix
 
 
 def is_semidefinite(x: FloatArray, *, rtol: float = 1e-8) -> bool:

@@ -25,6 +25,7 @@ from dvs_interfaces.model import PlantModel
 _FASTEST = (1e4, 1e3, 1e2)
 _SLOWEST = 0.1
 _BANDWIDTH_RTOL = 0.02
+_GAMMA_RTOL = 1e-5
 # Where the bandwidth limit binds: factors on the process noise, and the decay that suffices.
 _NOISE_SCALES = (1.0, 10.0, 30.0, 100.0)
 _LEAST_DECAY = 0.05
@@ -150,7 +151,7 @@ def _least_gamma(
     found = SynthesisError(Assumption.CONFIRMATION, 'no roll-off was tried')
     for multiple in _FASTEST:
         try:
-            synthesis = hinf_synthesis(plant(multiple * rate), slack=slack)
+            synthesis = hinf_synthesis(plant(multiple * rate), slack=slack, rtol=_GAMMA_RTOL)
         except SynthesisError as error:
             if error.assumption in _STRUCTURAL:
                 raise

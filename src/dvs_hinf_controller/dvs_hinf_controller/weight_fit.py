@@ -15,6 +15,7 @@ _GOOD_ENOUGH = 3e-4
 _MAX_ORDER = 8
 _WORTH_A_SECTION = 0.6
 _PATIENCE = 2
+_NEARLY_AS_WELL = 1.5
 # Coefficients of a section: zero and pole, or (corner, damping) of zeros and of poles; logarithms.
 _FIRST, _SECOND = 2, 4
 
@@ -108,9 +109,15 @@ def _better_extension(
     old: _Sections, frequencies: FloatArray, target: FloatArray
 ) -> tuple[_Sections, float]:
     """One section more: of first order if it does nearly as well as one of second order."""
-    first, second = (_extended(old, kind, frequencies, target) for kind in (_FIRST, _SECOND))
-    errors = first.error(frequencies, target), second.error(frequencies, target)
-    return (first, errors[0]) if errors[0] <= 1.5 * errors[1] else (second, errors[1])
+    first = _extended(old, _FIRST, frequencies, target)
+    first_error = first.error(frequencies, target)
+    if first_error <= _GOOD_ENOUGH:
+        return first, first_error
+    second = _extended(old, _SECOND, frequencies, target)
+    second_error = second.error(frequencies, target)
+    if first_error <= _NEARLY_AS_WELL * second_error:
+        return first, first_error
+    return second, second_error
 
 
 def _extended(old: _Sections, kind: int, frequencies: FloatArray, target: FloatArray) -> _Sections:

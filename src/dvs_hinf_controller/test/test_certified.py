@@ -102,7 +102,7 @@ def test_published_threshold_is_no_guarantee(paper_problem: Make) -> None:
 def test_first_order_plant_reaches_the_closed_form(
     problem_of: Callable[[PlantModel], DesignProblem],
 ) -> None:
-    """T(a) = -1 gives N_T >= 1, N_G >= 1/c; a static gain comes as near as its bandwidth allows."""
+    """T(a) = -1 gives N_T >= 1, N_G >= 1/c; a static gain comes near."""
     model = PlantModel(
         state_matrix=np.array([[1.5]]),
         input_matrix=np.array([[2.0]]),

@@ -1,0 +1,165 @@
+#!/usr/bin/env python3
+"""Measures synthesis: growth with the pixels, and dkpy's D-K iteration on the same problem."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+root = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_interfaces', 'dvs_hinf_controller')]
+
+import numpy as np  # noqa: E402
+
+from dvs_hinf_controller.design import design_controller  # noqa: E402
+from dvs_hinf_controller.methods import METHODS  # noqa: E402
+from dvs_hinf_controller.mu import mu_bounds  # noqa: E402
+from dvs_hinf_controller.options import DesignOptions  # noqa: E402
+from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
+from dvs_hinf_controller.reduced import reduced_plant  # noqa: E402
+from dvs_hinf_controller.state_space import StateSpace, state_response  # noqa: E402
+from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds  # noqa: E402
+
+REPEATS = 7
+# dkpy does not limit the bandwidth of what it returns: compare mu at a small slack.
+TIGHT = DesignOptions(gamma_slack=2e-4)
+
+
+def paper_problem(height: int, width: int) -> DesignProblem:
+    """Mirror image of the paper's example, seen by a regular pixel array."""
+    model = PlantModel(
+        state_matrix=np.array([[2.0, 10.0], [0.0, 5.0]]),
+        input_matrix=np.ones((2, 1)),
+        output_vector=np.array([2.0, 1.0]) / math.sqrt(5),
+    )
+    offsets = np.linspace(-0.01, 0.01, height * width) if height * width > 1 else np.zeros(1)
+    scene = PixelScene(brightness_offsets=offsets, height=height, width=width)
+    luminosity = scene.luminosity(model, np.array([0.4821, 0.1572]))
+    return DesignProblem(
+        model=model,
+        equilibrium=model.equilibrium([0.2321, -0.0928], tolerance=1e-3),
+        scene=scene,
+        bounds=ReferenceBounds.around(luminosity, 0.002),
+        tolerance=0.05,
+        log_base=math.e,
+    )
+
+
+def cpu_seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+    """CPU time of one call, and what it returned."""
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
+
+
+def pixels_ratio() -> dict[str, float]:
+    """CPU time of a structured design for 1280 x 720 pixels over that for one, best of some."""
+
+    def best(problem: DesignProblem) -> float:
+        def work() -> object:
+            return design_controller(problem, method='structured')
+
+        return min(cpu_seconds(work)[0] for _ in range(REPEATS))
+
+    one, many = best(paper_problem(1, 1)), best(paper_problem(720, 1280))
+    return {'design_pixels_ratio': many / one, 'design_seconds': one}
+
+
+def versus_dkpy() -> dict[str, float]:
+    """CPU time of dkpy's D-K iteration on the reduced problem over ours, and both mu.
+
+    dkpy runs with the settings of its own example (three iterations, fits of order 4, 61
+    frequencies) and SLICOT's synthesis, which is the fastest that it offers.
+    """
+    import control
+    import dkpy
+
+    problem = paper_problem(1, 1)
+    model, method = problem.model, METHODS['structured']
+
+    def ours_once() -> tuple[float, Any]:
+        return cpu_seconds(lambda: method.synthesize(problem, TIGHT))
+
+    seconds, ours = min((ours_once() for _ in range(REPEATS)), key=lambda pair: pair[0])
+    p = reduced_plant(model, input_cost=1e-2, process_noise=1e-2)
+    n = model.state_count
+    # Uncertainty c'x -> w, performance x -> w, with u and noise as regularising performance.
+    generalized = control.ss(
+        p.a,
+        np.hstack([np.zeros((n, 1)), p.b1, p.b2]),
+        np.vstack([model.output_vector[None, :], p.c1, p.c2]),
+        np.block(
+            [
+                [np.zeros((1, 1 + n + 1)), np.zeros((1, 1))],
+                [np.zeros((n + 1, 1 + n + 1)), p.d12],
+                [np.ones((1, 1)), p.d21, np.zeros((1, 1))],
+            ]
+        ),
+    )
+    iteration = dkpy.DkIterFixedOrder(
+        controller_synthesis=dkpy.HinfSynSlicot(),
+        structured_singular_value=dkpy.SsvLmiBisection(),
+        d_scale_fit=dkpy.DScaleFitSlicot(),
+        n_iterations=3,
+        fit_order=4,
+    )
+    blocks = [dkpy.ComplexFullBlock(1, 1), dkpy.ComplexFullBlock(n + 1, n + 1)]
+    theirs_seconds, outcome = cpu_seconds(
+        lambda: iteration.synthesize(
+            generalized, n_y=1, n_u=1, omega=np.logspace(-2, 3, 61), block_structure=blocks
+        )
+    )
+    theirs = outcome[0]
+    b2 = model.input_matrix
+    bk, c = np.asarray(theirs.B), model.output_vector[None, :]
+    dk = np.asarray(theirs.D)
+    loop = StateSpace(
+        a=np.block(
+            [
+                [model.state_matrix + b2 @ dk @ c, b2 @ np.asarray(theirs.C)],
+                [bk @ c, np.asarray(theirs.A)],
+            ]
+        ),
+        b=np.vstack([b2 @ dk, bk]),
+        c=np.hstack([np.eye(n), np.zeros((n, theirs.nstates))]),
+        d=np.zeros((n, 1)),
+    )
+    return {
+        'design_vs_dkpy': theirs_seconds / seconds,
+        'design_mu': mu_bounds(state_response(model, ours), model.output_vector, rtol=1e-4).upper,
+        'dkpy_mu': mu_bounds(loop, model.output_vector, rtol=1e-4).upper,
+        'dkpy_seconds': theirs_seconds,
+    }
+
+
+def measure() -> dict[str, float]:
+    """All figures by key; those of dkpy only where it is installed."""
+    figures = pixels_ratio()
+    try:
+        figures |= versus_dkpy()
+    except ImportError as error:
+        print(f'bench_design: {error.name} is not installed, no comparison', file=sys.stderr)
+    return figures
+
+
+def main() -> None:
+    """Print the figures as a table or as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    as_json = parser.parse_args().json
+    figures = measure()
+    if as_json:
+        print(json.dumps(figures, indent=1))
+        return
+    for name, value in figures.items():
+        print(f'{name:22} {value:.4g}')
+
+
+if __name__ == '__main__':
+    main()
