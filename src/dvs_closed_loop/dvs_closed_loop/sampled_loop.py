@@ -28,17 +28,11 @@ from dvs_interfaces.messages import (
 )
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
+from dvs_interfaces.topics import COMMAND, ESTIMATE, EVENTS, LUMINOSITY, STATE
 from dvs_plant_sim.disturbance import DisturbedPlant
 from dvs_plant_sim.plant import Plant
 
-# Topics of the wire contract; `dvs_interfaces.topics` would import rclpy.
-LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE = (
-    'luminosity',
-    'state',
-    'events',
-    'command',
-    'estimate',
-)
+_TOPICS = (LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +75,7 @@ def run_sampled(scenario: Scenario) -> SampledRun:
     design = design_from_scenario(scenario)
     run = SampledRun(
         design=design,
-        messages={name: [] for name in (LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE)},
+        messages={name: [] for name in _TOPICS},
     )
     plant = DisturbedPlant(
         Plant(

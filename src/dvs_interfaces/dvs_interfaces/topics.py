@@ -1,8 +1,14 @@
-"""Topic names and quality of service of the wire contract."""
+"""Topic names and quality of service of the wire contract.
+
+The names serve those who have no ROS as well, so that rclpy is imported with the first QoS.
+"""
 
 from __future__ import annotations
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
 
 LUMINOSITY = 'luminosity'
 EVENTS = 'events'
@@ -24,6 +30,8 @@ _DEPTH = 100
 
 def stream_qos() -> QoSProfile:
     """QoS of a stream that must not lose a message: reliable, volatile, deep."""
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
     return QoSProfile(
         depth=_DEPTH,
         history=HistoryPolicy.KEEP_LAST,
@@ -40,6 +48,8 @@ def latched_qos(depth: int = _DEPTH) -> QoSProfile:
     depth
         Number of messages that wait.
     """
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
     return QoSProfile(
         depth=depth,
         history=HistoryPolicy.KEEP_LAST,
@@ -64,4 +74,6 @@ def handshake_qos(mode: str) -> QoSProfile:
 
 def clock_qos() -> QoSProfile:
     """QoS of /clock, as rclpy's own time source asks for it."""
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
