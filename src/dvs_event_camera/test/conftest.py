@@ -1,15 +1,19 @@
 """A graph of real processes over real DDS, each test in a domain of its own."""
 
+import contextlib
+import fcntl
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import pytest
 
-_FIRST_DOMAIN = 60
+# Below those that the tests of the whole suite draw from.
+_FIRST_DOMAIN, _LAST_DOMAIN = 1, 9
 _PATIENCE_S = 30.0
 _STUB = (
     'import sys, types\n'
@@ -114,22 +118,22 @@ class Graph:
 
 
 @pytest.fixture
-def graph(request):
-    """Graph in a domain that no other test of this machine's user uses at the moment."""
-    lock_folder = Path('/tmp') / f'dvs_domains_{os.getuid()}'
-    lock_folder.mkdir(exist_ok=True)
-    for domain in range(_FIRST_DOMAIN, 100):
-        lock = lock_folder / str(domain)
-        try:
-            lock.touch(exist_ok=False)
-        except FileExistsError:
-            continue
-        break
-    else:
-        pytest.skip('no free ROS domain')
-    made = Graph(domain)
-    try:
+def graph():
+    """Graph in a domain that no other test of this machine uses at the moment."""
+    with contextlib.ExitStack() as stack:
+        made = Graph(_free_domain(stack))
+        stack.callback(made.close)
         yield made
-    finally:
-        made.close()
-        lock.unlink()
+
+
+def _free_domain(stack):
+    """Domain whose lock file this process holds; the system frees it whatever happens."""
+    for domain in range(_FIRST_DOMAIN, _LAST_DOMAIN + 1):
+        path = Path(tempfile.gettempdir()) / f'dvs_event_camera_domain_{domain}.lock'
+        lock = stack.enter_context(path.open('a'))
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            continue
+        return domain
+    pytest.skip('no free ROS domain')

@@ -93,6 +93,8 @@ def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(grap
 
     def brighter():
         nonlocal stamp
+        if parse_events(bytes(heard[-1])).stamp_ns < stamp:
+            return  # a source that outruns its consumers loses frames
         stamp += MS
         grey[1, 2] = 100 if grey[1, 2] == 200 else 200
         publisher.publish(pack_image(stamp, grey, 'mono8'))
@@ -147,7 +149,7 @@ def test_scene_to_camera_to_table(graph, tmp_path):
     table = tmp_path / 'events.csv'
     camera = graph.start(CAMERA, mode='realtime', event_threshold=0.2)
     show = graph.start('show_events', '--csv', str(table), '--limit', '500')
-    scene = graph.start('scene_node', 'grating', '--size', '8x16', '--encoding', 'mono8')
+    scene = graph.start('scene_node', 'grating', '--size', '8x16', '--period', '8')
     code, _, err = show.wait()
     assert code == 0, err
     assert '500 events' in err or 'events in' in err
