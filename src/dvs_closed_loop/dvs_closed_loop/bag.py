@@ -174,6 +174,8 @@ def _choose_loop(
             continue
         own = '/' + connection.topic.rpartition('/')[0].strip('/')
         found.setdefault(own, {})[stream.topic] = connection
+    if not found and namespace is None and absolute:
+        return absolute
     if not found:
         raise ParameterError('bag', path, 'holds no topic of the wire contract')
     if namespace is None and len(found) > 1:

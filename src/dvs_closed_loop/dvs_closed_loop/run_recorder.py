@@ -62,14 +62,15 @@ class RunRecorder:
 
     def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
         self._bag = bag
-        self._node = node
         self.messages: dict[str, list[bytes]] = {topic: [] for topic in MESSAGE_TYPES}
         self.command_times_s: list[float] = []
         self.event_count = 0
-        for topic, message_type in MESSAGE_TYPES.items():
-            node.create_subscription(
+        self._subscriptions = {
+            topic: node.create_subscription(
                 message_type, topic, self._keeper(topic), _qos(topic, mode), raw=True
             )
+            for topic, message_type in MESSAGE_TYPES.items()
+        }
 
     def _keeper(self, topic: str) -> Callable[[bytes], None]:
         messages = self.messages[topic]
@@ -85,8 +86,8 @@ class RunRecorder:
         return keep
 
     def hears_every_node(self) -> bool:
-        """Whether all topics that a verdict needs have a publisher."""
-        return all(self._node.count_publishers(topic) for topic in _NEEDED)
+        """Whether all topics that a verdict needs are matched with their publishers."""
+        return all(self._subscriptions[topic].get_publisher_count() for topic in _NEEDED)
 
     @property
     def wall_seconds(self) -> float:

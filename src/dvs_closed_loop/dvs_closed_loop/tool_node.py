@@ -11,6 +11,7 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.validate_namespace import validate_namespace
 
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.spin import StopSignal
@@ -71,16 +72,16 @@ def tool_node(name: str, namespace: str, ros_arguments: Sequence[str]) -> Iterat
         If ROS refuses the namespace or the arguments.
     """
     try:
+        validate_namespace('/' + namespace.lstrip('/'))
+    except InvalidNamespaceException:
+        raise ParameterError('namespace', namespace, 'is not a ROS namespace') from None
+    try:
         rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         message = ' '.join(str(error).split())
         raise ParameterError('ros-args', ' '.join(ros_arguments), message) from None
     try:
-        try:
-            node = Node(name, namespace=namespace)
-        except InvalidNamespaceException:
-            raise ParameterError('namespace', namespace, 'is not a ROS namespace') from None
-        tool = ToolNode(node)
+        tool = ToolNode(Node(name, namespace=namespace))
         try:
             yield tool
         finally:

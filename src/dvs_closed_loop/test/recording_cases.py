@@ -66,14 +66,14 @@ def small_run(samples: int = 60) -> Recorded:
 
 
 def with_foreign_padding(message: bytes) -> bytes:
-    """The same message as another CDR writer pads it: options in the header, garbage at the end."""
+    """The message as other CDR writers pad it: options in the header, garbage at the end."""
     return message[:2] + b'\x00\x03' + message[4:] + b'\xde\xad\xbe'
 
 
 def write_like_rosbag2(
     folder: Path, storage: str, recorded: Recorded, namespace: str = ''
 ) -> Path:
-    """A bag as `ros2 bag record` of Jazzy writes it, without the code under test and its library."""
+    """A bag as `ros2 bag record` of Jazzy writes it, without the library under test."""
     folder.mkdir(parents=True)
     name = f'{folder.name}_0.{"mcap" if storage == "mcap" else "db3"}'
     used = sorted({topic for topic, _, _ in recorded})

@@ -112,5 +112,5 @@ def test_a_damaged_bag_is_one_clear_message(damage, tmp_path):
             b'' if damage == 'empty' else b'no bag at all, but a text of some length\n'
         )
 
-    with pytest.raises(ParameterError, match='^bag = '):
+    with pytest.raises(ParameterError, match=r'^bag = '):
         read_bag(path)

@@ -118,7 +118,7 @@ def tiny_disk(tmp_path):
 
 @pytest.mark.parametrize('storage', STORAGES)
 def test_a_full_disk_leaves_a_readable_bag(storage, tiny_disk):
-    with pytest.raises(BagFullError, match='No space left|disk is full'):
+    with pytest.raises(BagFullError, match=r'No space left|disk is full'):
         fill(tiny_disk / 'bag', storage)
 
     assert_is_a_beginning(tiny_disk / 'bag', least=4000)

@@ -1,0 +1,114 @@
+"""What the live page gets: small frames that say what the streams say."""
+
+import json
+
+import numpy as np
+import pytest
+from recording_cases import PERIOD_NS, packet, small_run
+
+from dvs_closed_loop.live_view import LiveView
+from dvs_interfaces import topics
+from dvs_interfaces.messages import Vector, pack_state
+from dvs_interfaces.scenario import Scenario
+
+SCENARIO = Scenario.from_values({})
+
+
+def frame_of(view, recorded, scenario=SCENARIO, wall_s=0.0):
+    for topic, _, data in recorded:
+        if topic in view.topics:
+            view.hear(topic, data)
+    frame = view.frame(scenario, wall_s)
+    json.dumps(frame, allow_nan=False)
+    return frame
+
+
+def test_a_frame_shows_the_last_sample_and_few_others():
+    frame = frame_of(LiveView(), small_run(200))
+
+    assert len(frame['state']) == len(frame['command']) == len(frame['samples']) == 12
+    assert frame['state'][-1] == [1.99, 0.2321, -0.0928]
+    assert frame['error'][-1] == [1.99, 0.0]
+    assert frame['time'] == 1.99
+    assert frame['command'][-1] == [1.99, 0.5]
+    assert frame['total_events'] == 100
+    assert len(frame['events']) == 100
+    assert frame['events'][-1] == [1.99, 0, 1]
+    assert frame['lost_events'] == 0
+
+
+def test_an_estimate_stands_beside_the_luminosity_of_its_sample():
+    frame = frame_of(LiveView(), small_run(200))
+
+    assert frame['pixels'] == [0, 1, 2]
+    for _, y, z in frame['samples']:
+        np.testing.assert_allclose(z, np.array(y) * 1.01, rtol=1e-5)
+    bound = SCENARIO.model_reference_bounds
+    assert frame['ratio'] == pytest.approx(0.01 / sector_bound(bound), rel=1e-3)
+
+
+def sector_bound(bounds):
+    from dvs_hinf_controller.sector import sector
+
+    constants = sector(bounds, event_threshold=0.15, log_base=SCENARIO['log_base'])
+    return float(np.min(constants.error_bound))
+
+
+def test_the_next_frame_has_only_what_is_new():
+    view = LiveView()
+    recorded = small_run(20)
+    frame_of(view, recorded[:50])
+
+    frame = frame_of(view, recorded[50:55], wall_s=0.5)
+
+    assert [row[0] for row in frame['state']] == [0.1]
+    assert frame['cycles_per_second'] == 2.0
+    assert frame['real_time_factor'] == 0.02
+    assert not view.has_news
+
+
+def test_without_a_scenario_there_is_no_error_but_everything_else():
+    frame = frame_of(LiveView(), small_run(20), scenario=None)
+
+    assert frame['error'] == [] and frame['ratio'] is None
+    assert 'scenario' not in frame
+    assert len(frame['state']) == 12 and len(frame['events']) == 10
+
+
+def test_a_new_run_begins_at_zero():
+    view = LiveView()
+    frame_of(view, small_run(100))
+
+    frame = frame_of(view, small_run(3)[5:])
+
+    assert frame['restart']
+    assert frame['total_events'] == 1
+    assert frame['time'] == 0.0
+
+
+def test_a_burst_of_events_is_thinned_and_counted_whole():
+    view = LiveView()
+    recorded = [(topics.EVENTS, 0, packet(k * PERIOD_NS, 900, 900 * k)) for k in range(3)]
+
+    frame = frame_of(view, recorded)
+
+    assert frame['total_events'] == 2700
+    assert frame['events_a_mark'] == 7
+    assert len(frame['events']) == 386
+
+
+def test_a_foreign_message_is_a_fault_of_the_frame_only():
+    view = LiveView()
+
+    assert 'wire contract' in frame_of(view, [(topics.STATE, 0, b'\x00\x01\x00\x00')])['fault']
+    assert len(frame_of(view, small_run(2))['state']) == 2
+
+
+def test_a_plant_of_another_order_has_no_error():
+    names = ('x1', 'x2', 'x3')
+    state = pack_state(Vector(stamp_ns=0, names=names, values=np.ones(3)))
+
+    frame = frame_of(LiveView(), [(topics.STATE, 0, state)])
+
+    assert frame['error'] == []
+    assert frame['state'] == [[0.0, 1.0, 1.0, 1.0]]

@@ -1,0 +1,176 @@
+"""Recording and replay with real processes; replayed events give the recorded commands."""
+
+import subprocess
+from itertools import pairwise
+
+import pytest
+import yaml
+from loop_support import CONFIG, PACKAGE, environment, program, run_closed_loop, start, stop
+
+from dvs_closed_loop.bag import read_bag
+from dvs_closed_loop.recorded_run import examine
+from dvs_closed_loop.recording import BagWriter
+from dvs_closed_loop.verdict import sector_ratios
+from dvs_interfaces import topics
+from dvs_interfaces.messages import pack_clock, parse_command
+
+PACKAGE['dvs_closed_loop'] = 'dvs_closed_loop'
+
+
+def scenario_file(path, **changes):
+    document = yaml.safe_load((CONFIG / 'mirror_r3.yaml').read_text())
+    document['/**']['ros__parameters'].update(changes)
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+def lines_until(process, wanted):
+    """Lines that the process prints until all of `wanted` have come."""
+    seen = []
+    while not set(wanted) <= set(seen):
+        line = process.stdout.readline()
+        assert line, f'ended after {seen}'
+        seen.append(line.strip())
+    return seen
+
+
+@pytest.mark.parametrize('mode', ['lockstep', 'realtime'])
+def test_replayed_events_give_the_recorded_commands(mode, domain, processes, tmp_path):
+    period = 0.001 if mode == 'lockstep' else 0.01
+    scenario = scenario_file(tmp_path / 'run.yaml', mode=mode, sampling_period=period)
+    result = run_closed_loop(scenario, domain, tmp_path / 'out', '--duration', '1.5')
+    assert (tmp_path / 'out' / 'run' / 'bag').is_dir(), result.stderr
+    original = read_bag(tmp_path / 'out' / 'run' / 'bag')
+
+    controller = start('hinf_controller', domain, ['--ros-args', '--params-file', str(scenario)])
+    processes.append(controller)
+    again = tmp_path / 'again'
+    recorder = start(
+        'dvs_closed_loop', domain, ['record', str(again), '--topics', 'command', 'events']
+    )
+    processes.append(recorder)
+    lines_until(recorder, ['hears command'])
+    player = start(
+        'dvs_closed_loop',
+        domain,
+        ['play', str(original.path), '--topics', 'events', '--wait', '--rate', '0.5'],
+    )
+    processes.append(player)
+    assert player.communicate(timeout=60)[0].count('messages played') == 1
+    assert player.returncode == 0
+    code, output = stop(recorder)
+
+    assert code == 0, output
+    assert 'no event lost' in output
+    replayed = read_bag(again)
+    assert replayed.of(topics.EVENTS) == original.of(topics.EVENTS)
+    assert len(original.of(topics.COMMAND)) > 100
+    assert replayed.of(topics.COMMAND) == original.of(topics.COMMAND)
+
+
+def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes, tmp_path):
+    scenario = scenario_file(tmp_path / 'slow.yaml', real_time_factor=0.5, duration=0.0)
+    bag = tmp_path / 'bag'
+    recorder = start('dvs_closed_loop', domain, ['record', str(bag), '--storage', 'sqlite3'])
+    processes.append(recorder)
+    lines_until(recorder, [f'recording 9 topics to {bag}/'])
+    for node in ('event_camera', 'hinf_controller', 'plant_sim'):
+        processes.append(start(node, domain, ['--ros-args', '--params-file', str(scenario)]))
+    heard = ['luminosity', 'events', 'command', 'state', 'estimate']
+    lines_until(recorder, [f'hears {topic}' for topic in heard])
+    with pytest.raises(subprocess.TimeoutExpired):
+        recorder.wait(timeout=3)
+    code, output = stop(recorder)
+    for node in processes[1:]:
+        stop(node)
+
+    assert code == 0, output
+    assert 'Traceback' not in output
+    assert 'no event lost' in output
+    recorded = read_bag(bag)
+    # The nodes told their parameters.
+    assert recorded.scenario['real_time_factor'] == 0.5
+    stamps = [parse_command(message).stamp_ns for message in recorded.of(topics.COMMAND)]
+    assert len(stamps) > 300
+    assert {later - earlier for earlier, later in pairwise(stamps)} == {10**6}
+    run = examine(recorded)
+    assert len(run.trace.times_s) > 300
+    bounds = recorded.scenario.model_reference_bounds
+    assert sector_ratios(run.trace, recorded.scenario, bounds).max() <= 1 + 1e-9
+
+
+def test_duration_ends_a_recording_and_the_bag_is_not_overwritten(domain, tmp_path):
+    command = [program('dvs_closed_loop'), 'record', str(tmp_path / 'bag'), '--duration', '0.3']
+    first = subprocess.run(command, env=environment(domain), capture_output=True, text=True)
+    second = subprocess.run(command, env=environment(domain), capture_output=True, text=True)
+
+    assert first.returncode == 0, first.stderr
+    assert 'nothing heard' in first.stdout
+    assert second.returncode == 1
+    assert 'is not overwritten' in second.stderr
+    assert 'Traceback' not in second.stderr
+
+
+def test_a_full_disk_ends_a_recording_with_an_error(domain, processes, tmp_path):
+    scenario = scenario_file(tmp_path / 'fast.yaml', duration=0.0)
+    bag = tmp_path / 'bag'
+    limited = 'ulimit -f 400; exec "$@"'  # in blocks of 1024 bytes
+    recorder = subprocess.Popen(
+        ['bash', '-c', limited, 'bash', program('dvs_closed_loop'), 'record', str(bag)],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    processes.append(recorder)
+    for node in ('event_camera', 'hinf_controller', 'plant_sim'):
+        processes.append(start(node, domain, ['--ros-args', '--params-file', str(scenario)]))
+
+    output, errors = recorder.communicate(timeout=90)
+    for node in processes[1:]:
+        stop(node)
+
+    assert recorder.returncode == 1, output + errors
+    assert 'File too large' in errors
+    assert 'Traceback' not in errors
+    assert len(read_bag(bag).messages) > 300
+
+
+def test_play_ends_on_ctrl_c(domain, processes, tmp_path):
+    with BagWriter(tmp_path / 'bag', {topics.CLOCK: 'rosgraph_msgs/msg/Clock'}) as bag:
+        bag.write(topics.CLOCK, 0, pack_clock(0))
+    player = start('dvs_closed_loop', domain, ['play', str(tmp_path / 'bag'), '--wait'])
+    processes.append(player)
+    lines_until(player, ['waiting for subscribers of /clock'])
+
+    code, output = stop(player)
+
+    assert code == 0, output
+    assert 'Traceback' not in output
+    assert '0 of 1 messages played' in output
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['play', 'BAG', '--rate', '0'], 'rate = 0.0'),
+        (['play', 'nowhere'], 'bag = nowhere'),
+        (['record', 'new', '--topics', 'evnts'], 'topics = evnts: must be among'),
+        (['record', 'new', '--duration', '-1'], 'duration = -1.0: must be > 0'),
+        (['record', 'new', '--namespace', '1 bad'], 'is not a ROS namespace'),
+        (['dashboard', '--port', '99999'], 'port = 99999'),
+    ],
+)
+def test_wrong_arguments_are_one_clear_message(arguments, message, domain, tmp_path):
+    result = subprocess.run(
+        [program('dvs_closed_loop'), *arguments],
+        env=environment(domain),
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+
+    assert result.returncode == 1
+    assert message in result.stderr
+    assert result.stderr.count('\n') == 1
+    assert list(tmp_path.iterdir()) == []
