@@ -40,6 +40,7 @@ COMMANDS = {
         'dvs_closed_loop.record', "record the loop's topics to a bag, without rosbag2"
     ),
     'play': Command('dvs_closed_loop.play', 'publish a bag again with its original spacing'),
+    'latency': Command('dvs_closed_loop.latency', 'show where the time of a cycle goes'),
     'report': Command('dvs_closed_loop.report', 'make figures and an HTML report of a bag'),
     'dashboard': Command('dvs_closed_loop.dashboard', 'serve a live page of the running loop'),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -126,32 +127,41 @@ def loop_plan(
         for role, (package, executable) in _PARTNERS.items()
         if role not in elsewhere
     ]
-    package, executable = plant_program(scenario)
+    package, executable = plant_program(scenario, parameter_file)
     plant = replace(common, package=package, executable=executable)
     if plant_waits:
         plant = replace(plant, parameters={**common.parameters, 'autostart': False})
     return (*partners, plant)
 
 
-def plant_program(scenario: Scenario) -> tuple[str, str]:
-    """Package and executable of a scenario's plant.
+def plant_program(scenario: Scenario, parameter_file: Path) -> tuple[str, str]:
+    """Package and executable of a scenario's plant, or no package and the path of a program.
 
     Parameters
     ----------
     scenario
         Checked parameters.
+    parameter_file
+        Its file; a path that begins with a dot is relative to its folder.
 
     Raises
     ------
     ParameterError
-        If plant_executable is not written package/executable.
+        If plant_executable is neither package/executable nor the path of a program.
     """
-    package, slash, executable = scenario['plant_executable'].partition('/')
+    value = scenario['plant_executable']
+    if value.startswith(('./', '../', '/')):
+        program = (parameter_file.parent / value).resolve()
+        if not (program.is_file() and os.access(program, os.X_OK)):
+            raise ParameterError('plant_executable', value, f'is no executable file ({program})')
+        return '', str(program)
+    package, slash, executable = value.partition('/')
     if not (package and slash and executable) or '/' in executable:
         raise ParameterError(
             'plant_executable',
-            scenario['plant_executable'],
-            'must be package/executable, as in dvs_plant_sim/plant_sim',
+            value,
+            'must be package/executable, as in dvs_plant_sim/plant_sim, or a path, as in '
+            './my_plant.py',
         )
     return package, executable
 

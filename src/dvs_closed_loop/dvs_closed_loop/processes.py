@@ -44,6 +44,24 @@ def executable_path(package: str, executable: str) -> Path:
     return path
 
 
+def program_path(plan: NodePlan) -> Path:
+    """Path of a planned node's program.
+
+    Parameters
+    ----------
+    plan
+        What to start.
+
+    Raises
+    ------
+    ParameterError
+        If it is not installed.
+    """
+    if not plan.package:
+        return Path(plan.executable)
+    return executable_path(plan.package, plan.executable)
+
+
 class NodeProcess:
     """One running node.
 
@@ -54,12 +72,12 @@ class NodeProcess:
     """
 
     def __init__(self, plan: NodePlan) -> None:
-        self.name = plan.executable
+        self.name = plan.name
         environment = {**os.environ}
         environment.setdefault('RCUTILS_CONSOLE_OUTPUT_FORMAT', '[{name}] {severity}: {message}')
         with _interrupts_ignored():
             self._process = subprocess.Popen(
-                [executable_path(plan.package, plan.executable), *plan.arguments],
+                [program_path(plan), *plan.arguments],
                 env=environment,
                 stdin=subprocess.DEVNULL,
             )

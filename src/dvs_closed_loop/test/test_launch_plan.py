@@ -55,10 +55,22 @@ def test_composed_is_one_process_of_the_linear_plant_alone():
         plan_of(MIRROR, composed=True, elsewhere=('event_camera',))
 
 
-@pytest.mark.parametrize('name', ['plant_sim', 'a/b/c', '/plant_sim', 'dvs_plant_sim/', ''])
+@pytest.mark.parametrize('name', ['plant_sim', 'a/b/c', 'dvs_plant_sim/', ''])
 def test_a_plant_is_named_by_package_and_executable(name):
     with pytest.raises(ParameterError, match='must be package/executable'):
-        plant_program(Scenario.from_values({'plant_executable': name}))
+        plant_program(Scenario.from_values({'plant_executable': name}), MIRROR)
+
+
+def test_a_plant_may_be_a_program_beside_its_scenario(tmp_path):
+    scenario = Scenario.from_values({'plant_executable': './my_plant.py'})
+    program = tmp_path / 'my_plant.py'
+    with pytest.raises(ParameterError, match='is no executable file'):
+        plant_program(scenario, tmp_path / 'my.yaml')
+    program.write_text('#!/usr/bin/env python3')
+    program.chmod(0o755)
+
+    assert plant_program(scenario, tmp_path / 'my.yaml') == ('', str(program))
+    assert loop_plan(scenario, tmp_path / 'my.yaml')[-1].name == 'my_plant.py'
 
 
 def test_a_launch_starts_what_closed_loop_starts():

@@ -27,7 +27,7 @@ def node_action(plan: NodePlan, *, on_exit: Sequence[Any] = ()) -> Node:
     file = [] if plan.parameter_file is None else [str(plan.parameter_file)]
     parameters = [dict(plan.parameters)] if plan.parameters else []
     return Node(
-        package=plan.package,
+        package=plan.package or None,
         executable=plan.executable,
         namespace=plan.namespace or None,
         parameters=[*file, *parameters],

@@ -59,9 +59,9 @@ class NodePlan:
     Parameters
     ----------
     package
-        Package of the executable.
+        Package of the executable; empty for a program outside of any package.
     executable
-        Name of the executable.
+        Name of the executable, or path of the program.
     parameter_file
         Scenario, or None for the defaults.
     parameters
@@ -78,6 +78,11 @@ class NodePlan:
     parameters: Mapping[str, object] = field(default_factory=dict)
     namespace: str = ''
     options: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the program."""
+        return Path(self.executable).name
 
     @property
     def remappings(self) -> tuple[tuple[str, str], ...]:

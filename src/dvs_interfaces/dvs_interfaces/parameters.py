@@ -196,7 +196,8 @@ _RUN = (
         name='plant_executable',
         kind=Kind.TEXT,
         default='dvs_plant_sim/plant_sim',
-        description='Package/executable of the plant node that tools start for this scenario',
+        description='Plant node that tools start for this scenario: package/executable, or the '
+        'path of a program (./my_plant.py is relative to the parameter file)',
     ),
     ParameterSpec(
         name='mode',
