@@ -18,7 +18,7 @@ setup(
     zip_safe=False,
     maintainer='DVS regulation developers',
     maintainer_email='maintainers@example.org',
-    description='Event camera (DVS): images in, precisely stamped polarity events out.',
+    description='Event camera (DVS): luminosity or images in, precisely stamped polarity events out.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

@@ -67,6 +67,8 @@ class RecordedRun:
         Signals on the samples of which everything was recorded, or None if there are none.
     from_start
         Whether `trace` begins with the first sample of the run.
+    wall_seconds
+        Wall-clock time from the first command to the last, s.
     """
 
     streams: dict[str, StreamStatistics]

@@ -36,7 +36,13 @@ _INT16 = np.iinfo(np.int16)
 
 
 class EventCameraNode(ManagedNode):
-    """Takes `luminosity`; publishes `events` and what helps to look at them."""
+    """Takes `luminosity`; publishes `events` and what helps to look at them.
+
+    Parameters
+    ----------
+    **node_arguments
+        Further arguments of `rclpy.node.Node`.
+    """
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__(CAMERA, **node_arguments)

@@ -37,6 +37,11 @@ class HinfControllerNode(ManagedNode):
     """Takes `events`; publishes `command`, and `estimate` while somebody listens.
 
     Verifies its counts by the sensor's `keyframe` and asks for one after a late start or a loss.
+
+    Parameters
+    ----------
+    **node_arguments
+        Further arguments of `rclpy.node.Node`.
     """
 
     def __init__(self, **node_arguments: Any) -> None:

@@ -40,7 +40,13 @@ class SynthesisMethod(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Unstructured:
-    """Minimise ``sup_w ||G(jw)||``: H-infinity synthesis (paper, section IV.A)."""
+    """Minimise ``sup_w ||G(jw)||``: H-infinity synthesis (paper, section IV.A).
+
+    Parameters
+    ----------
+    name
+        Name of the method, as in the parameter `method`.
+    """
 
     name: str = 'unstructured'
 
@@ -64,7 +70,13 @@ class Unstructured:
 
 @dataclass(frozen=True, slots=True)
 class Structured:
-    """Minimise ``mu = sup_w (|T| + ||G||)``: the sector as it is (paper, section IV.A)."""
+    """Minimise ``mu = sup_w (|T| + ||G||)``: the sector as it is (paper, section IV.A).
+
+    Parameters
+    ----------
+    name
+        Name of the method, as in the parameter `method`.
+    """
 
     name: str = 'structured'
 
@@ -88,7 +100,13 @@ class Structured:
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee")."""
+    """Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee").
+
+    Parameters
+    ----------
+    name
+        Name of the method, as in the parameter `method`.
+    """
 
     name: str = 'certified'
 

@@ -33,7 +33,7 @@ class CdrWriter:
         self._buffer = bytearray(_LITTLE_ENDIAN_HEADER)
 
     def section(self, octets: bytes) -> None:
-        """Append bytes that were written before at the same offset."""
+        """Append `octets`, written before at the same offset."""
         self._buffer += octets
 
     @property
@@ -46,44 +46,44 @@ class CdrWriter:
         self._buffer.extend(bytes(-(len(self._buffer) - 4) % size))
 
     def u8(self, value: int) -> None:
-        """Append a byte or boolean."""
+        """Append `value` as a byte or boolean."""
         self._buffer.append(value)
 
     def u32(self, value: int) -> None:
-        """Append an unsigned 32-bit integer."""
+        """Append `value` as an unsigned 32-bit integer."""
         self.align(4)
         self._buffer += _U32.pack(value)
 
     def u64(self, value: int) -> None:
-        """Append an unsigned 64-bit integer."""
+        """Append `value` as an unsigned 64-bit integer."""
         self.align(8)
         self._buffer += _U64.pack(value)
 
     def stamp(self, nanoseconds: int) -> None:
-        """Append a builtin_interfaces/Time."""
+        """Append `nanoseconds` as a builtin_interfaces/Time."""
         self.align(4)
         self._buffer += _STAMP.pack(*divmod(nanoseconds, _NANOSECONDS))
 
     def text(self, value: str) -> None:
-        """Append a string."""
+        """Append `value` as a string."""
         encoded = value.encode() + b'\x00'
         self.u32(len(encoded))
         self._buffer += encoded
 
     def octets(self, value: bytes | memoryview) -> None:
-        """Append a sequence of bytes."""
+        """Append `value` as a sequence of bytes."""
         self.u32(len(value))
         self._buffer += value
 
     def doubles(self, values: FloatArray) -> None:
-        """Append a sequence of doubles."""
+        """Append `values` as a sequence of doubles."""
         self.u32(len(values))
         if len(values):
             self.align(8)
             self._buffer += np.ascontiguousarray(values, dtype='<f8').tobytes()
 
     def texts(self, values: tuple[str, ...]) -> None:
-        """Append a sequence of strings."""
+        """Append `values` as a sequence of strings."""
         self.u32(len(values))
         for value in values:
             self.text(value)
@@ -137,7 +137,7 @@ class CdrReader:
         return self._buffer[self._take(1, 1)]
 
     def u32(self) -> int:
-        """Read an unsigned 32-bit integer."""
+        """Read an unsigned 32-bit integer; raises `MessageError` at the end of the message."""
         start = (self._position + 3) & ~3
         try:
             (value,) = _U32.unpack_from(self._buffer, start)

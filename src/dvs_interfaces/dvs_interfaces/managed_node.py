@@ -275,14 +275,14 @@ class ManagedNode(LifecycleNode):
     # -- lifecycle ------------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure; parameters that do not fit are reported in one message."""
+        """Leave `state`: configure, or report in one message what does not fit."""
         if not self._succeeds(lambda: self._configure(self.scenario())):
             self._destroy_entities()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Open the valves."""
+        """Leave `state`: open the valves."""
         self.is_active = True
         self._active_since_s = time.monotonic()
         self._heard_s.clear()
@@ -292,17 +292,17 @@ class ManagedNode(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close the valves."""
+        """Leave `state`: close the valves."""
         self._stop_acting()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Free what configure made."""
+        """Leave `state`: free what configure made."""
         self._destroy_entities()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop safely from whatever state."""
+        """Leave `state`, whatever it is: stop safely."""
         self._stop_acting()
         self._destroy_entities()
         return super().on_shutdown(state)

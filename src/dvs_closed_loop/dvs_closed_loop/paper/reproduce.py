@@ -48,6 +48,10 @@ class Results:
         Runs by (example, r, method).
     curves
         Error against h by method.
+    counterexample
+        Run of the loop that the theorems allow, once it has been run.
+    platform
+        Run of the platform example, once it has been run.
     """
 
     experiments: Experiments = field(default_factory=dict)
