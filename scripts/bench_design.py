@@ -28,7 +28,7 @@ from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds  # noqa
 
 REPEATS = 7
 # dkpy does not limit the bandwidth of what it returns: compare mu at a small slack.
-TIGHT = DesignOptions(gamma_slack=2e-4)
+TIGHT = DesignOptions(gamma_slack=2e-5)
 
 
 def paper_problem(height: int, width: int) -> DesignProblem:

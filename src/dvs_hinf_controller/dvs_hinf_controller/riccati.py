@@ -13,7 +13,7 @@ from dvs_interfaces.model import FloatArray
 
 _AXIS_TOLERANCE = 1e-11
 _RESIDUAL_TOLERANCE = 1e-6
-_NEGLIGIBLE_RESIDUAL = 1e-10
+_NEGLIGIBLE_RESIDUAL = 1e-8
 _NEWTON_STEPS = 3
 
 

@@ -24,7 +24,7 @@ from dvs_interfaces.model import PlantModel
 # Roll-offs that are tried, relative to the plant's own rate.
 _FASTEST = (1e4, 1e3, 1e2)
 _SLOWEST = 0.1
-_BANDWIDTH_RTOL = 0.02
+_BANDWIDTH_RTOL = 0.05
 _GAMMA_RTOL = 1e-5
 # Where the bandwidth limit binds: factors on the process noise, and the decay that suffices.
 _NOISE_SCALES = (1.0, 10.0, 30.0, 100.0)
