@@ -169,7 +169,9 @@ def _choose_loop(
         if connection.topic in STREAMS and connection.topic.startswith('/'):
             absolute[connection.topic] = connection
             continue
-        stream = STREAMS.get(base_name(connection.topic))
+        base = base_name(connection.topic)
+        # A loop in a namespace has a clock of its own.
+        stream = STREAMS.get(base) or STREAMS.get('/' + base)
         if stream is None or stream.type_name != connection.msgtype:
             continue
         own = '/' + connection.topic.rpartition('/')[0].strip('/')
@@ -183,4 +185,4 @@ def _choose_loop(
     key = next(iter(found)) if namespace is None else '/' + namespace.strip('/')
     if key not in found:
         raise ParameterError('namespace', namespace, f'must be one of {", ".join(sorted(found))}')
-    return {**found[key], **absolute}
+    return {**absolute, **found[key]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shutil
 import sys
 import time
@@ -13,9 +14,12 @@ from pathlib import Path
 import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 from tqdm import tqdm
 
 from dvs_closed_loop.figure import save_figure
@@ -30,6 +34,7 @@ from dvs_interfaces import topics
 from dvs_interfaces.errors import SuiteError
 from dvs_interfaces.messages import parse_command
 from dvs_interfaces.node_plan import NodePlan
+from dvs_interfaces.parameters import CAMERA, CONTROLLER
 from dvs_interfaces.scenario import Scenario, load_scenario
 from dvs_interfaces.spin import StopSignal
 
@@ -37,6 +42,7 @@ _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
 _SETTLE_S = 0.3
 _DRAIN_S = 0.3
+_ASK_PERIOD_S = 0.5
 
 
 class LoopError(SuiteError):
@@ -124,9 +130,22 @@ class LoopRunner:
         self._wait(executor, stop, client.service_is_ready, 'plant_sim to answer')
         self._change_state(client, executor, stop, Transition.TRANSITION_CONFIGURE)
         self._wait(executor, stop, recorder.hears_every_node, 'all three nodes')
+        self._meet_every_node(node, executor, stop)
         settled = time.monotonic() + _SETTLE_S
         self._wait(executor, stop, lambda: time.monotonic() > settled, 'discovery')
         self._change_state(client, executor, stop, Transition.TRANSITION_ACTIVATE)
+
+    def _meet_every_node(self, node: Node, executor: EventsExecutor, stop: StopSignal) -> None:
+        """Wait for an answer of every node: only one that has met us sends us its messages.
+
+        The graph shows a node as soon as we have met it; that it has met us too may take seconds
+        more, and in realtime mode what it publishes until then is lost to the recording.
+        """
+        started = {plan.executable for plan in self._plans}
+        for name in sorted(started & {CAMERA, CONTROLLER}):
+            client = node.create_client(GetParameters, f'{name}/get_parameters')
+            met = _Answered(client)
+            self._wait(executor, stop, met, f'{name} to answer')
 
     def _change_state(
         self, client: object, executor: EventsExecutor, stop: StopSignal, transition: int
@@ -169,6 +188,23 @@ class LoopRunner:
             progress.update()
         if plant.exit_code:
             raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
+
+
+class _Answered:
+    """Asks a node until an answer comes; an answer to a node that it has not met is lost."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._questions: list[Future] = []
+        self._asked_at = -math.inf
+
+    def __call__(self) -> bool:
+        """Whether an answer has come; asks again after a while."""
+        now = time.monotonic()
+        if now > self._asked_at + _ASK_PERIOD_S and self._client.service_is_ready():
+            self._asked_at = now
+            self._questions.append(self._client.call_async(GetParameters.Request()))
+        return any(question.done() for question in self._questions)
 
 
 class _Progress:

@@ -42,6 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--wait', action='store_true', help='begin when every played topic has a subscriber'
     )
+    parser.add_argument(
+        '--delay', type=float, default=0.0, help='seconds to wait before the first message'
+    )
     parser.add_argument('--from-namespace', help='loop in the bag, where it holds several')
     parser.add_argument('--namespace', default='', help='namespace to publish into')
 
@@ -66,6 +69,8 @@ def run(options: argparse.Namespace) -> int:
 
     if not (math.isfinite(options.rate) and options.rate > 0):
         raise ParameterError('rate', options.rate, 'must be a finite number > 0')
+    if not (math.isfinite(options.delay) and options.delay >= 0):
+        raise ParameterError('delay', options.delay, 'must be a finite number >= 0')
     if options.topics is not None:
         chosen_streams(options.topics)
     bag = read_bag(options.bag, namespace=options.from_namespace, topics=options.topics)
@@ -80,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
         }
         if options.wait:
             _wait_for_subscribers(tool, publishers)
-        tool.spin(_SETTLE_S)
+        tool.spin(max(_SETTLE_S, options.delay))
         sent = _play(bag, publishers, tool, options.rate)
         _let_arrive(publishers, tool)
     print(f'{options.bag}: {sent} of {len(bag.messages)} messages played')

@@ -7,13 +7,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import rclpy
-from rclpy.exceptions import InvalidNamespaceException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.validate_namespace import validate_namespace
 
 from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.node_plan import checked_namespace, namespace_remappings
 from dvs_interfaces.spin import StopSignal
 
 _TURN_S = 0.05
@@ -71,17 +70,17 @@ def tool_node(name: str, namespace: str, ros_arguments: Sequence[str]) -> Iterat
     ParameterError
         If ROS refuses the namespace or the arguments.
     """
-    try:
-        validate_namespace('/' + namespace.lstrip('/'))
-    except InvalidNamespaceException:
-        raise ParameterError('namespace', namespace, 'is not a ROS namespace') from None
+    absolute = checked_namespace(namespace)
     try:
         rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         message = ' '.join(str(error).split())
         raise ParameterError('ros-args', ' '.join(ros_arguments), message) from None
     try:
-        tool = ToolNode(Node(name, namespace=namespace))
+        remappings = namespace_remappings(absolute)
+        renamed = [part for old, new in remappings for part in ('-r', f'{old}:={new}')]
+        arguments = ['--ros-args', *renamed] if renamed else []
+        tool = ToolNode(Node(name, namespace=absolute or None, cli_args=arguments))
         try:
             yield tool
         finally:
