@@ -1,6 +1,6 @@
 """Measure the exact automaton beside scipy's solve_ivp with event functions, in one run.
 
-CPU seconds on one core, set-up included, best of a few; both find the same events, which is checked.
+CPU seconds on one core, set-up included, best of a few; that both find the same events is checked.
 Prints the figures, and with --json merges them into a file under the keys `exact_vs_dop853_r1`,
 `exact_vs_dop853_r9`, `exact_vs_rk45_r100` and `exact_us_per_event_r10000`.
 """
@@ -20,12 +20,13 @@ from typing import Any
 
 import numpy as np
 import scipy
+from scipy.integrate import solve_ivp
+
 from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.exact.modes import _cached_form
 from dvs_closed_loop.paper.published import PIXEL_OFFSETS, scenario
 from dvs_closed_loop.sweep.random_loops import lqg_controller
 from dvs_interfaces.model import PixelScene, ReferenceBounds
-from scipy.integrate import solve_ivp
 
 _THRESHOLD = 0.05
 _RTOL = 1e-9
@@ -57,7 +58,9 @@ def by_solve_ivp(loop: ClosedLoop, duration: float, method: str) -> list[tuple[f
     n, k = loop.model.state_count, loop.controller.order
     a, b, c = loop.model.state_matrix, loop.model.input_matrix, loop.model.output_vector
     controller = loop.controller
-    system = np.block([[a, b @ controller.output_matrix], [np.zeros((k, n)), controller.state_matrix]])
+    system = np.block(
+        [[a, b @ controller.output_matrix], [np.zeros((k, n)), controller.state_matrix]]
+    )
     gain = np.concatenate([b @ controller.feedthrough, controller.input_vector])
     reference = loop.reference.copy()
     estimate = loop.sector().initial_estimate.copy()
@@ -181,9 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--json', type=Path, help='file to merge the figures into')
     options = parser.parse_args(arguments)
-    print(
-        f'python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}'
-    )
+    print(f'python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}')
     figures = measure()
     if options.json:
         known = json.loads(options.json.read_text()) if options.json.exists() else {}

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from dvs_hinf_controller.design import Design, design_from_scenario
-from dvs_interfaces.scenario import Scenario, load_scenario
 
 from dvs_closed_loop import plotting
 from dvs_closed_loop.exact import ClosedLoop, Trajectory, simulate
 from dvs_closed_loop.exact.run_figure import run_figure
 from dvs_closed_loop.exact.signals import sector_ratios
+from dvs_hinf_controller.design import Design, design_from_scenario
+from dvs_interfaces.scenario import Scenario, load_scenario
 
 # Samples of y and z that the sector is checked on; more pixels have fewer samples.
 _MOST_SECTOR_VALUES = 4_000_000
@@ -33,11 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
     parser.add_argument('--output', type=Path, help='directory to fill (out/<scenario>-exact)')
     parser.add_argument('--duration', type=float, help='length of the run, s')
-    parser.add_argument('--event-threshold', type=float, help='h in place of the scenario\'s')
+    parser.add_argument('--event-threshold', type=float, help="h in place of the scenario's")
     parser.add_argument(
         '--sampled',
         action='store_true',
-        help='the ROS loop without ROS: the nodes\' cores in lockstep at sampling_period',
+        help="the ROS loop without ROS: the nodes' cores in lockstep at sampling_period",
     )
     parser.add_argument('--sampling-period', type=float, help='with --sampled, s')
 
@@ -82,9 +82,9 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
     result = exact_result(name, design, loop, trajectory, cpu_seconds=seconds)
     (output / 'result.json').write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
     with plotting.in_style():
-        run_figure(loop, trajectory, tolerance=scenario['tolerance'], title=_title(result)).savefig(
-            output / 'figure.png', dpi=120
-        )
+        run_figure(
+            loop, trajectory, tolerance=scenario['tolerance'], title=_title(result)
+        ).savefig(output / 'figure.png', dpi=120)
     print(_summary(result, output))
     return 0 if result['regulated'] and result['sector_ratio_max'] <= 1 + _ROUNDING else 1
 

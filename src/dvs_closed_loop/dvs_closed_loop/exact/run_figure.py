@@ -15,9 +15,7 @@ from dvs_closed_loop.exact.trajectory import Trajectory
 _MOST_MARKS = 50_000
 
 
-def run_figure(
-    loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: str
-) -> Figure:
+def run_figure(loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: str) -> Figure:
     """Draw a run with samples.
 
     Parameters
@@ -37,9 +35,7 @@ def run_figure(
     error = np.linalg.norm(run.states - loop.equilibrium.state, axis=1)
     axes[0, 0].semilogy(times, np.maximum(error, 1e-12), color=plotting.BLUE, lw=1.2)
     plotting.draw_tolerance(axes[0, 0], tolerance)
-    axes[0, 0].set(
-        xlabel='time t [s]', ylabel=r'$\|x - x_d\|$ [unit of x]', title='Error'
-    )
+    axes[0, 0].set(xlabel='time t [s]', ylabel=r'$\|x - x_d\|$ [unit of x]', title='Error')
     axes[0, 0].legend(loc='upper right')
     _draw_states(axes[0, 1], loop, run, tolerance)
     stride = max(1, len(run.event_time) // _MOST_MARKS)
@@ -66,9 +62,7 @@ def _draw_states(axes: Any, loop: ClosedLoop, run: Trajectory, tolerance: float)
     axes.plot(*run.states.T[:2], color=plotting.BLUE, lw=1)
     axes.plot(*run.states[0, :2], 'o', color=plotting.GREEN, ms=6, label=r'start $x_0$')
     plotting.draw_ball(axes, loop.equilibrium.state, tolerance)
-    axes.set(
-        xlabel=r'$x_1$ [unit of x]', ylabel=r'$x_2$ [unit of x]', title='Phase portrait'
-    )
+    axes.set(xlabel=r'$x_1$ [unit of x]', ylabel=r'$x_2$ [unit of x]', title='Phase portrait')
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend(loc='best')
 

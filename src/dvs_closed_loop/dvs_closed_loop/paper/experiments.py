@@ -6,17 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
+from dvs_closed_loop.exact import ClosedLoop, Trajectory, simulate
+from dvs_closed_loop.exact.signals import luminosities, sector_ratios
+from dvs_closed_loop.paper.counterexample import misled_controller
+from dvs_closed_loop.paper.published import Example, platform_scenario, scenario
 from dvs_hinf_controller.design import Design, DesignFigures, design_controller, measure
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sector import sector
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.thresholds import event_threshold
 from dvs_interfaces.model import FloatArray
-
-from dvs_closed_loop.exact import ClosedLoop, Trajectory, simulate
-from dvs_closed_loop.exact.signals import luminosities, sector_ratios
-from dvs_closed_loop.paper.counterexample import misled_controller
-from dvs_closed_loop.paper.published import Example, platform_scenario, scenario
 
 RUN_THRESHOLD = 0.149
 RUN_DURATION_S = 6.0
@@ -214,7 +214,8 @@ def worst_case_gain(experiment: Experiment, frequencies: FloatArray) -> FloatArr
     delta = float(experiment.loop.sector().error_bound.max())
     room = 1 - delta * np.abs(response @ model.output_vector)
     gain = delta * np.linalg.norm(response, axis=1)
-    return np.divide(gain, room, out=np.full_like(gain, math.inf), where=room > 0)
+    unbounded = np.full_like(gain, math.inf)
+    return np.asarray(np.divide(gain, room, out=unbounded, where=room > 0))
 
 
 def _experiment(

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dvs_hinf_controller.state_space import state_response
-from dvs_interfaces.model import FloatArray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -20,6 +18,8 @@ from dvs_closed_loop.paper.experiments import (
 )
 from dvs_closed_loop.paper.published import OPTIMIZATION, PIXEL_OFFSETS, TOLERANCE
 from dvs_closed_loop.paper.table import optimal_spacing
+from dvs_hinf_controller.state_space import state_response
+from dvs_interfaces.model import FloatArray
 
 METHOD_COLOURS = {
     'unstructured': plotting.BLUE,
@@ -65,7 +65,9 @@ def staircase(experiment: Experiment) -> Figure:
     until = 1.2
     shown = run.sample_time <= until
     times = run.sample_time[shown]
-    axes.plot(times, experiment.luminosity[shown, 0], color=plotting.GREY, label='luminosity $y_1$')
+    axes.plot(
+        times, experiment.luminosity[shown, 0], color=plotting.GREY, label='luminosity $y_1$'
+    )
     edges = np.concatenate([[0.0], run.event_time[(run.event_pixel == 0)], [until]])
     edges = edges[edges <= until]
     z = estimates_at(loop, run, edges)[:, 0]
@@ -110,7 +112,13 @@ def sector_plot(spacing: float = 0.8) -> Figure:
     levels = spacing ** -np.arange(-5.0, 6.0)
     y = np.array([0.0, 4.0])
     axes.fill_between(y, y * spacing, y / spacing, color=plotting.PALE, lw=0, label='sector')
-    axes.plot(y, y / spacing, color=plotting.BLACK, lw=1.2, label=r'borders $z = y\,/\rho$ and $z = \rho\, y$')
+    axes.plot(
+        y,
+        y / spacing,
+        color=plotting.BLACK,
+        lw=1.2,
+        label=r'borders $z = y\,/\rho$ and $z = \rho\, y$',
+    )
     axes.plot(y, y * spacing, color=plotting.BLACK, lw=1.2)
     for k in range(1, len(levels) - 1):
         below, level, above = levels[k - 1 : k + 2]
@@ -150,10 +158,23 @@ def optimization() -> Figure:
     rho = np.linspace(0.7, 0.999, 400)
     ceiling, floor = m * rho * (1 + bound), upper * (1 - bound) / rho
     axes.fill_between(
-        rho, floor, ceiling, where=ceiling >= floor, color=plotting.PALE, lw=0, label=r'$\delta_z \leq \bar{\delta}$'
+        rho,
+        floor,
+        ceiling,
+        where=ceiling >= floor,
+        color=plotting.PALE,
+        lw=0,
+        label=r'$\delta_z \leq \bar{\delta}$',
     )
-    axes.plot(rho, ceiling, color=plotting.VERMILION, label=r'$\bar{\lambda} = m\rho\,(1 + \bar{\delta})$')
-    axes.plot(rho, floor, color=plotting.BLUE, label=r'$\bar{\lambda} = M(1 - \bar{\delta})\,/\,\rho$')
+    axes.plot(
+        rho,
+        ceiling,
+        color=plotting.VERMILION,
+        label=r'$\bar{\lambda} = m\rho\,(1 + \bar{\delta})$',
+    )
+    axes.plot(
+        rho, floor, color=plotting.BLUE, label=r'$\bar{\lambda} = M(1 - \bar{\delta})\,/\,\rho$'
+    )
     axes.plot(
         rho,
         2 * m * upper * rho / (upper + m * rho**2),
@@ -341,7 +362,11 @@ def counterexample_plot(counterexample: Counterexample) -> Figure:
         axes[1].plot(h, tail.peak, 'o', color=colour, ms=7, zorder=3)
     plotting.draw_tolerance(axes[0], TOLERANCE)
     axes[0].set(
-        xlabel='time t [s]', ylabel=_ERROR, xlim=(15, 30), ylim=(0, 0.085), title='Long after the start'
+        xlabel='time t [s]',
+        ylabel=_ERROR,
+        xlim=(15, 30),
+        ylim=(0, 0.085),
+        title='Long after the start',
     )
     axes[0].legend(loc='upper center', ncols=3, fontsize=8.5)
     axes[1].plot(
@@ -390,9 +415,7 @@ def small_gain(counterexample: Counterexample, controller_gain: FloatArray) -> F
     peak = int(np.argmax(controller_gain))
     value = delta * controller_gain[peak]
     axes.plot(_FREQUENCIES[peak], value, 'o', color=plotting.VERMILION)
-    axes.annotate(
-        f'{value:.2f}', (_FREQUENCIES[peak], value), (6, 4), textcoords='offset points'
-    )
+    axes.annotate(f'{value:.2f}', (_FREQUENCIES[peak], value), (6, 4), textcoords='offset points')
     axes.set(
         xlabel=r'frequency $\omega$ [rad/s]',
         ylabel=r'$\delta^* \|G_{w_1}(j\omega)\|$ [1]',
@@ -437,9 +460,7 @@ def _draw_curve(axes: Axes, curve: ThresholdCurve) -> None:
     colour = METHOD_COLOURS[curve.design.method]
     figures = curve.design.figures
     axes.plot(curve.thresholds, curve.bound, color=colour, label='guaranteed bound')
-    axes.plot(
-        curve.thresholds, curve.limsup, '.', color=plotting.BLACK, ms=4, label='simulated'
-    )
+    axes.plot(curve.thresholds, curve.limsup, '.', color=plotting.BLACK, ms=4, label='simulated')
     axes.axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
     marks: tuple[tuple[float, str, Any], ...] = (
         (figures.h_certified, r'$h_\mathrm{cert}$', colour),
@@ -448,9 +469,16 @@ def _draw_curve(axes: Axes, curve: ThresholdCurve) -> None:
     for place, (h, name, shade) in enumerate(marks):
         axes.plot([h, h], [0, TOLERANCE], color=shade, lw=1.4)
         axes.text(
-            h + 0.006, 0.003 + 0.0075 * (1 - place), f'{name} = {h:.3f}', color=shade, fontsize=9, bbox=_LABEL_BOX
+            h + 0.006,
+            0.003 + 0.0075 * (1 - place),
+            f'{name} = {h:.3f}',
+            color=shade,
+            fontsize=9,
+            bbox=_LABEL_BOX,
         )
-    axes.set(xlabel='event threshold h [1]', xlim=(0, 0.3), ylim=(0, 0.1), title=curve.design.method)
+    axes.set(
+        xlabel='event threshold h [1]', xlim=(0, 0.3), ylim=(0, 0.1), title=curve.design.method
+    )
 
 
 def _db(gain: FloatArray) -> FloatArray:

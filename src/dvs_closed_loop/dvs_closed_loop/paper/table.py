@@ -107,7 +107,12 @@ def write_table(rows: list[TableRow], path: Path) -> None:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(COLUMNS)
         for row in rows:
-            writer.writerow([f'{v:.6g}' if isinstance(v := getattr(row, name), float) else v for name in COLUMNS])
+            writer.writerow(
+                [
+                    f'{v:.6g}' if isinstance(v := getattr(row, name), float) else v
+                    for name in COLUMNS
+                ]
+            )
 
 
 def _row(
@@ -152,9 +157,7 @@ def _norm_rows(experiments: Experiments) -> list[TableRow]:
 
 
 def _counterexample_rows(counterexample: Counterexample) -> list[TableRow]:
-    rows = [
-        _row('counterexample: h allowed', THEORY, 0.49, counterexample.h_allowed, pixels=1)
-    ]
+    rows = [_row('counterexample: h allowed', THEORY, 0.49, counterexample.h_allowed, pixels=1)]
     for experiment, value in zip(counterexample.experiments, (0.032, 0.060), strict=True):
         tail = experiment.run.tail
         assert tail is not None

@@ -135,7 +135,7 @@ def pixels_figure(rows: Rows) -> Figure:
         xlabel='number of pixels r',
         ylabel=r'error $\|x - x_d\|$ in the long run',
         ylim=(0, 0.062),
-        title=f'Long-run error against r (structured, h = {float(rows[0]["h"]):g}, mirror example)',
+        title=f'Long-run error against r (structured, h = {float(rows[0]["h"]):g}, mirror)',
     )
     axes.legend(loc='upper right', fontsize=9)
     return figure
