@@ -19,6 +19,7 @@ h2 { font-size: 1.35rem; margin: 2.6rem 0 .6rem; border-top: 1px solid #ddd; pad
 figure { margin: 1.4rem 0; }
 figure img { max-width: 100%; height: auto; display: block; margin: 0 auto; }
 figcaption { font-size: .92rem; color: #555; margin: .4rem auto 0; max-width: 46rem; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-size: .93rem; }
 th, td { text-align: right; padding: .3rem .6rem; border-bottom: 1px solid #e3e3e3; }
 th:nth-child(-n+4), td:nth-child(-n+4) { text-align: left; }
@@ -126,4 +127,4 @@ def _table(rows: list[TableRow]) -> str:
         f'<td>{row.deviation_percent:+.2f} %</td></tr>'
         for row in rows
     )
-    return f'<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>'
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
