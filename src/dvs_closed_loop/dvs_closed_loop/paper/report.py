@@ -127,4 +127,7 @@ def _table(rows: list[TableRow]) -> str:
         f'<td>{row.deviation_percent:+.2f} %</td></tr>'
         for row in rows
     )
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
+    return (
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>'
+        '</div>'
+    )
