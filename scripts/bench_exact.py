@@ -1,6 +1,6 @@
 """Measure the exact automaton beside scipy's solve_ivp with event functions, in one run.
 
-CPU seconds on one core, set-up included, best of a few; both find the same events, which is checked.
+CPU seconds on one core, set-up included, best of a few; that both find the same events is checked.
 Prints the figures, and with --json merges them into a file under the keys `exact_vs_dop853_r1`,
 `exact_vs_dop853_r9`, `exact_vs_rk45_r100` and `exact_us_per_event_r10000`.
 """

@@ -47,7 +47,8 @@ STYLE: dict[str, Any] = {
 
 def in_style() -> AbstractContextManager[None]:
     """Context in which figures are drawn and written in the common look."""
-    return mpl.rc_context(STYLE)  # type: ignore[no-any-return]
+    context: AbstractContextManager[None] = mpl.rc_context(STYLE)
+    return context
 
 
 def new_figure(

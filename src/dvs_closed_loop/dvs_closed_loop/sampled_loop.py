@@ -1,7 +1,8 @@
 """The sampled loop without ROS: the nodes' own cores in one process, message by message.
 
 Drives the same cores in the same order as the nodes do in lockstep, through the same serialized
-messages, so that it gives the bytes of the ROS loop at any sampling period.
+messages, so that it gives the bytes of the ROS loop at any sampling period. (A middleware may fill
+a message up to a multiple of four bytes on its way.)
 """
 
 from __future__ import annotations

@@ -29,9 +29,7 @@ def run(options: argparse.Namespace) -> int:
         Parsed arguments.
     """
     rows = reproduce_paper(options.output, progress=not options.no_progress)
-    print(
-        'quantity                                       method        r  reference     ours  deviation'
-    )
+    print(f'{"quantity":46} {"method":12}  r  reference     ours  deviation')
     for row in rows:
         print(
             f'{row.quantity:46} {row.method:12} {row.pixels or "":>2} {row.reference:10.5g} '

@@ -24,6 +24,7 @@ _APPROACH_S, _END_S = 0.12, 1.2
 _FRAMES = 100
 # Events of the last frames glow on, so that one sees them.
 _GLOW_FRAMES = 2.5
+_GREYS = 96
 
 
 def animate_platform(experiment: Experiment, path: Path, *, frames: int = _FRAMES) -> None:
@@ -87,7 +88,7 @@ def event_glow(experiment: Experiment, times: FloatArray) -> FloatArray:
 
 def _palette() -> Image.Image:
     """One palette for all frames, so that no colour flickers: greys, flashes, lines on greys."""
-    greys = np.linspace(0, 1, 96)[:, None] * np.ones(3)
+    greys = np.linspace(0, 1, _GREYS)[:, None] * np.ones(3)
     flashes = mpl.colormaps['RdBu_r'](np.linspace(0, 1, 64))[:, :3]
     lines = [to_rgb(c) for c in (plotting.SKY, plotting.VERMILION, plotting.GREEN)]
     backgrounds = (0.35, 0.5, 0.65, 0.8, 0.95, 1.0)
@@ -105,6 +106,7 @@ def _palette() -> Image.Image:
 
 
 _PALETTE = _palette()
+_WHITE = _GREYS - 1  # index of the last grey
 
 
 class _Scene:
@@ -116,7 +118,7 @@ class _Scene:
         self.glow = event_glow(experiment, times)
         self.index = np.searchsorted(experiment.run.sample_time, times)
         self.figure = Figure(figsize=(9.0, 5.0), layout='constrained')
-        axes = self.figure.subplot_mosaic(
+        axes: dict[str, Any] = self.figure.subplot_mosaic(
             [['profile', 'camera'], ['profile', 'error']], width_ratios=(1.35, 1)
         )
         self.canvas = FigureCanvasAgg(self.figure)
@@ -210,4 +212,8 @@ class _Scene:
         for artist in self.moving:
             artist.axes.draw_artist(artist)
         pixels = np.asarray(self.canvas.buffer_rgba())[:, :, :3].copy()
-        return Image.fromarray(pixels).quantize(palette=_PALETTE, dither=Image.Dither.NONE)
+        indexed = Image.fromarray(pixels).quantize(palette=_PALETTE, dither=Image.Dither.NONE)
+        # The quantiser rounds colours: keep the paper white.
+        white = Image.fromarray(np.where(pixels.min(axis=2) == 255, 255, 0).astype(np.uint8))
+        indexed.paste(_WHITE, mask=white)
+        return indexed

@@ -1,6 +1,6 @@
 """A loop that the published theorems allow and that leaves its tolerance all the same.
 
-Theorem 1 argues with final values, as if the sector's Delta were constant; it jumps at every event.
+Theorem 1 argues with final values, as if the sector's Delta were constant; it jumps at events.
 A controller with a small gain at zero frequency and a large one above makes the most of that: it
 minimises ``|| [T; V T; 0.01 u] ||`` with ``V(s) = (s + 3) / (s + 0.3)`` (docs/theory.md).
 """

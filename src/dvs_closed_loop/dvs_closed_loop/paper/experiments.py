@@ -214,7 +214,8 @@ def worst_case_gain(experiment: Experiment, frequencies: FloatArray) -> FloatArr
     delta = float(experiment.loop.sector().error_bound.max())
     room = 1 - delta * np.abs(response @ model.output_vector)
     gain = delta * np.linalg.norm(response, axis=1)
-    return np.divide(gain, room, out=np.full_like(gain, math.inf), where=room > 0)
+    unbounded = np.full_like(gain, math.inf)
+    return np.asarray(np.divide(gain, room, out=unbounded, where=room > 0))
 
 
 def _experiment(

@@ -34,7 +34,7 @@ CAPTIONS = MappingProxyType(
         'gain at zero frequency.',
         'error_pixels': 'Error against time for one, three and nine pixels, structured '
         'controller, printed example.',
-        'phase_pixels': 'Phase portrait of the same three runs; on the right around the set-point.',
+        'phase_pixels': 'The same three runs as a phase portrait; on the right around x_d.',
         'positivity': 'Luminosity of the first pixel in the printed example and in its mirror '
         'image, which is the same control problem.',
         'small_gain': 'Small gain of the counterexample at the delta* of Theorem 1: it holds at '
@@ -80,17 +80,17 @@ def sections(
         section(
             'problem',
             'The problem',
-            'A camera whose pixels report only that the logarithm of their brightness has moved by '
-            'a threshold h watches a linear plant. From those events alone a controller is to hold '
-            'the plant within eps of a set-point. How coarse may the threshold be?',
+            'A camera whose pixels report only that the logarithm of their brightness has moved '
+            'by a threshold h watches a linear plant. From those events alone a controller is to '
+            'hold the plant within eps of a set-point. How coarse may the threshold be?',
             show=('platform', 'pixel_grid'),
         ),
         section(
             'estimator',
             'The estimator and its sector',
             'Between events nothing is known, so the estimate is held. Whatever happens, it stays '
-            'within a relative error delta_z of the luminosity: an uncertainty that robust control '
-            'knows how to handle.',
+            'within a relative error delta_z of the luminosity: an uncertainty that robust '
+            'control knows how to handle.',
             show=('staircase', 'sector', 'optimization'),
         ),
         section(
@@ -117,9 +117,9 @@ def sections(
             'Correction 1: light is not negative',
             'In the printed example the luminosity changes its sign, against the assumption (A1) '
             'that it rests on. It can be run with a pixel that takes the logarithm of |y|, is '
-            'silent where |y| < 1e-4 and sends the sign along with its events; no real sensor does '
-            'that. The mirror image of the set-point is the same problem with positive light, and '
-            'this package uses it wherever it can.',
+            'silent where |y| < 1e-4 and sends the sign along with its events; no real sensor '
+            'does that. The mirror image of the set-point is the same problem with positive '
+            'light, and this package uses it wherever it can.',
             show=('positivity',),
         ),
         section(
@@ -177,8 +177,8 @@ def _pixels_text(experiments: Experiments) -> str:
         for r in (1, 3, 9)
     ]
     return (
-        'The paper observes that the long-run average error "seems to increase" with the number of '
-        'pixels. In the exact runs it is ' + '; '.join(parts) + '. One run each proves '
+        'The paper observes that the long-run average error "seems to increase" with the number '
+        'of pixels. In the exact runs it is ' + '; '.join(parts) + '. One run each proves '
         'little: the study "pixels" of the sweep command averages over many starts.'
     )
 
@@ -203,8 +203,8 @@ def _certificate_text(curves: list[ThresholdCurve]) -> str:
         f'{curve.design.method} {curve.design.figures.h_certified:.4f}' for curve in curves
     )
     return (
-        'For errors that vary with time in any way the peak gains of the closed loop (the L1 norms '
-        'of its kernels) bound the error, and so give a threshold h_certified that is a '
+        'For errors that vary with time in any way the peak gains of the closed loop (the L1 '
+        'norms of its kernels) bound the error, and so give a threshold h_certified that is a '
         f'guarantee. In the mirror example with one pixel it is: {parts}. A controller that is '
-        'designed for it gives up little of h*.'
+        'designed for it comes nearest to h*.'
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -85,7 +86,7 @@ def _attempt(rng: np.random.Generator, method: str) -> RandomCase | None:
             lower=luminosity * (1 - uncertainty), upper=luminosity * (1 + uncertainty)
         ),
         tolerance=1.0,
-        log_base=float(rng.choice([2.0, np.e, 10.0])),
+        log_base=float(rng.choice([2.0, math.e, 10.0])),
     )
     try:
         model.require_stabilizable()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -64,26 +65,25 @@ def run_study(
 
 @contextmanager
 def _client(scheduler: str | None, workers: int | None, processes: bool) -> Iterator[Any]:
-    from distributed import Client, LocalCluster
+    distributed: Any = import_module('distributed')
 
     if scheduler is not None:
-        with Client(scheduler) as client:
+        with distributed.Client(scheduler) as client:
             yield client
         return
-    cluster = LocalCluster(
+    cluster = distributed.LocalCluster(
         n_workers=workers or os.cpu_count(),
         threads_per_worker=1,
         processes=processes,
         dashboard_address=None,
         silence_logs=50,
     )
-    with cluster, Client(cluster) as client:
+    with cluster, distributed.Client(cluster) as client:
         yield client
 
 
 def _results(client: Any, study: Study, tasks: list[Task]) -> Iterator[tuple[Task, list[Row]]]:
-    from distributed import as_completed
-
+    as_completed: Any = import_module('distributed').as_completed
     waiting = iter(tasks)
     owner: dict[str, Task] = {}
 

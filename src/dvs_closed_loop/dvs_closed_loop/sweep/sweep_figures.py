@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dvs_closed_loop import plotting
 from dvs_closed_loop.sweep.certificate import summarize_certificate
-from dvs_closed_loop.sweep.threshold import PIXELS, critical_thresholds
+from dvs_closed_loop.sweep.threshold import critical_thresholds
 
 Rows = list[dict[str, str]]
 
@@ -90,8 +90,8 @@ def threshold_figure(rows: Rows) -> Figure:
         bars = axes.bar(place + offset, values, 0.25, color=colour, label=name)
         axes.bar_label(bars, fmt='%.3f', fontsize=7.5, rotation=90, padding=3)
     axes.set_xticks(place, [f'r = {line.pixels}' for line in lines])
-    for group, method in enumerate(dict.fromkeys(line.method for line in lines)):
-        centre = group * len(PIXELS) + (len(PIXELS) - 1) / 2
+    for method in dict.fromkeys(line.method for line in lines):
+        centre = float(np.mean([i for i, line in enumerate(lines) if line.method == method]))
         axes.text(centre, -0.16, method, ha='center', transform=axes.get_xaxis_transform())
     axes.grid(axis='x', visible=False)
     finite = [line.simulated for line in lines if np.isfinite(line.simulated)]
@@ -135,7 +135,7 @@ def pixels_figure(rows: Rows) -> Figure:
         xlabel='number of pixels r',
         ylabel=r'error $\|x - x_d\|$ in the long run',
         ylim=(0, 0.062),
-        title=f'Long-run error against r (structured, h = {float(rows[0]["h"]):g}, mirror example)',
+        title=f'Long-run error against r (structured, h = {float(rows[0]["h"]):g}, mirror)',
     )
     axes.legend(loc='upper right', fontsize=9)
     return figure

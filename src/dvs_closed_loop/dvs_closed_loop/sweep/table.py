@@ -16,8 +16,8 @@ from dvs_interfaces.errors import ParameterError
 class ResultTable:
     """Rows of finished tasks.
 
-    The first line is a comment with the study's name and options. A task's rows are appended in one
-    write; what a killed sweep left half-written is dropped when the table is opened again, so that
+    The first line is a comment with the study's name and options. A task's rows are appended at
+    once; what a killed sweep left half-written is dropped when the table is opened again, so that
     nothing is lost that was finished and nothing is counted twice.
 
     Parameters
