@@ -1,0 +1,139 @@
+"""Every command in README.md and docs/ is run, page by page, as a reader would."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from documentation import blocks_of
+from loop_support import ROOT, environment
+
+PAGES = [
+    page for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))) if page.exists()
+]
+WITH_COMMANDS = [
+    page
+    for page in PAGES
+    if any(b.language == 'bash' and b.commands and not b.not_run for b in blocks_of(page))
+]
+TIMEOUT_S = 240
+# Pages that others link to already; remove each as it comes.
+TO_COME = {
+    'CHANGELOG.rst',
+    'docs/benchmarks.md',
+    'docs/dashboard.md',
+    'docs/design.md',
+    'docs/images/paper_r3.png',
+    'docs/parameters.md',
+    'docs/recording.md',
+    'docs/theory.md',
+    'docs/wire_contract.md',
+}
+
+
+def name_of(page):
+    return page.relative_to(ROOT).as_posix()
+
+
+def sandbox(folder):
+    """Folder that looks like the checkout and keeps what the commands write."""
+    folder.mkdir()
+    for entry in ROOT.iterdir():
+        if entry.name not in ('out', '.git'):
+            (folder / entry.name).symlink_to(entry)
+    return folder
+
+
+def run_block(block, folder, domain):
+    process = subprocess.Popen(
+        ['bash', '-euo', 'pipefail', '-c', block.commands],
+        cwd=folder,
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        output, _ = process.communicate(timeout=TIMEOUT_S)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+    return process.returncode, output
+
+
+def run_page(page, folder, domain):
+    outputs = []
+    for block in blocks_of(page):
+        if block.file:
+            file = folder / block.file
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(block.body, encoding='utf-8')
+        elif block.language == 'bash' and block.commands and not block.not_run:
+            code, output = run_block(block, folder, domain)
+            assert code == 0, f'{name_of(page)}:{block.line}\n{block.commands}\n{output}'
+            assert 'Traceback' not in output, output
+            outputs.append(output)
+    return '\n'.join(outputs)
+
+
+def check_motor(folder, output):
+    angles = [float(angle) for angle in re.findall(r'angle (-?[\d.]+)', output)]
+    assert angles[0] > 0.19
+    assert abs(angles[-1]) < 0.1
+    assert len(set(angles)) > 2
+
+
+def check_reactors(folder, output):
+    for name in ('reactor', 'hot_reactor'):
+        result = json.loads((folder / 'out' / name / 'result.json').read_text())
+        assert result['regulated'], name
+        assert result['h'] <= result['h_star']
+        assert result['events'] > 10
+
+
+CHECKS = {'docs/hardware.md': check_motor, 'docs/tutorial.md': check_reactors}
+
+
+@pytest.mark.parametrize('page', WITH_COMMANDS, ids=name_of)
+def test_every_command_of_a_page_works(page, domain, tmp_path):
+    folder = sandbox(tmp_path / 'checkout')
+    output = run_page(page, folder, domain)
+    CHECKS.get(name_of(page), lambda *_: None)(folder, output)
+
+
+def test_what_is_not_run_says_why():
+    for page in PAGES:
+        for block in blocks_of(page):
+            assert not block.not_run or len(block.not_run.split()) > 2, (page, block.line)
+
+
+def test_pages_with_special_checks_exist():
+    assert set(CHECKS) <= {name_of(page) for page in WITH_COMMANDS}
+
+
+@pytest.mark.parametrize('page', PAGES, ids=name_of)
+def test_links_between_pages_lead_somewhere(page):
+    targets = re.findall(r'\]\((?!https?://|#)([^)#\s]+)', page.read_text(encoding='utf-8'))
+    paths = {(page.parent / target).resolve() for target in targets}
+    missing = {path.relative_to(ROOT).as_posix() for path in paths if not path.exists()}
+    assert missing <= TO_COME
+
+
+def test_the_reader_of_pages_sees_blocks_files_and_reasons(tmp_path):
+    page = Path(tmp_path / 'page.md')
+    page.write_text(
+        'Text.\n\n```bash\nscripts/demo.sh\necho one\n```\n\n<!-- not run: a good reason -->\n'
+        '```bash\nfalse\n```\n<!-- file: a/b.py -->\n```python\nx = 1\n```\n'
+        '```console\n$ no\n```\n'
+    )
+    one, reason, file, console = blocks_of(page)
+    assert (one.commands, one.line) == ('echo one', 3)
+    assert reason.not_run == 'a good reason'
+    assert (file.file, file.body) == ('a/b.py', 'x = 1\n')
+    assert console.language == 'console'
