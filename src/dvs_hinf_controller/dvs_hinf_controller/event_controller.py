@@ -190,6 +190,7 @@ class EventController:
         self._check(packet)
         restarted = self._stamp_ns is not None and packet.stamp_ns < self._stamp_ns
         if restarted:
+            self._event_threshold = self._latest_threshold()
             self._reset()
             self._synchroniser.accept_any_index()
         self._change_threshold_before(packet.stamp_ns)
@@ -241,6 +242,12 @@ class EventController:
         if corrected:
             self._deviation = self._mean_deviation()
         return corrected
+
+    def _latest_threshold(self) -> float:
+        """Threshold of a sensor that starts again: the last one that it announced."""
+        if self._threshold_change is not None:
+            return self._threshold_change[1]
+        return self.event_threshold
 
     def _change_threshold_before(self, stamp_ns: int) -> None:
         if self._threshold_change is None or stamp_ns <= self._threshold_change[0]:

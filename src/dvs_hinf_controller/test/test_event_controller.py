@@ -1,5 +1,6 @@
 """Estimator and K against a reference that takes one event at a time by matrix exponentials."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -11,8 +12,11 @@ from scipy.linalg import expm
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.event_controller import EventController
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sector import sector
+from dvs_hinf_controller.synchroniser import Synchrony
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.events import EVENT_DTYPE, INDEX_MODULUS, EventPacket
+from dvs_interfaces.keyframe import Keyframe
 from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
 
 MS = 1_000_000
@@ -324,3 +328,134 @@ def test_a_limit_does_not_reach_into_the_state():
         each.take(packet(MS, [(-7, 1, 1, 1)]))
 
     np.testing.assert_allclose(limited.command, np.clip(free.command, -1e-3, 1e-3), rtol=0)
+
+
+# -- keyframes ------------------------------------------------------------------------------------
+
+COURSE = [
+    [(-9, 0, (False, 1)), (-4, 3, (False, 1))],
+    [(-MS // 2, 3, (False, 1)), (-5, 4, (True, 1))],
+    [(-7, 3, (False, -1)), (0, 5, (False, -1))],
+    [(-3, 4, (False, 1)), (-1, 0, (False, 1))],
+    [(-2, 1, (False, -1))],
+]
+
+
+def keyframe_after(packets):
+    """What the sensor says of its counts after these packets."""
+    sensor = OneAtATime(CONTROLLERS['static'])
+    for one in packets:
+        sensor.take(one)
+    signs = np.sign(sensor.estimate).astype(np.int8)
+    return Keyframe(stamp_ns=packets[-1].stamp_ns, counts=sensor.counts.copy(), signs=signs)
+
+
+@pytest.mark.parametrize('told', [2, 3, 4, 5], ids='told at {}'.format)
+@pytest.mark.parametrize('about', [3, 4], ids='about {}'.format)
+def test_a_keyframe_puts_the_counts_right_after_a_loss(told, about):
+    packets = packets_of(COURSE)
+    whole, lossy = running(), running()
+    for number, one in enumerate(packets):
+        whole.take(one)
+        if number != 2:
+            lossy.take(one)
+        if number == told:
+            lossy.take_keyframe(keyframe_after(packets[: about + 1]))
+
+    assert lossy.synchrony is Synchrony.EXACT
+    np.testing.assert_array_equal(lossy.counts, whole.counts)
+    np.testing.assert_array_equal(lossy.estimate, whole.estimate)
+
+
+def test_a_keyframe_from_before_a_loss_is_of_no_use():
+    packets = packets_of(COURSE)
+    lossy = running()
+    for number, one in enumerate(packets):
+        if number != 2:
+            lossy.take(one)
+
+    assert lossy.take_keyframe(keyframe_after(packets[:2])).resynchronised_pixels is None
+    assert lossy.synchrony is Synchrony.LOST
+
+
+def test_a_keyframe_confirms_what_was_counted():
+    packets = packets_of(COURSE)
+    found = running()
+    assert found.synchrony is Synchrony.UNVERIFIED
+    for one in packets:
+        found.take(one)
+
+    assert found.take_keyframe(keyframe_after(packets)).resynchronised_pixels == 0
+    assert found.synchrony is Synchrony.EXACT
+
+
+def test_a_keyframe_of_another_array_is_refused():
+    keyframe = Keyframe(stamp_ns=0, counts=np.zeros(2, np.int64), signs=np.ones(2, np.int8))
+
+    with pytest.raises(MessageError, match='keyframe of 2 pixels, the array has 6'):
+        running().take_keyframe(keyframe)
+
+
+# -- changes on the way ---------------------------------------------------------------------------
+
+
+def initial_estimate(bounds, h):
+    return sector(bounds, event_threshold=h, log_base=2.0).initial_estimate
+
+
+def test_a_new_threshold_starts_from_where_the_references_are():
+    found = running()
+    found.take(packet(0))
+    assert found.announce_threshold(MS, 0.05)
+    found.take(packet(MS, [(-5, 2, 1, 1), (-3, 2, 1, 1)]))
+    assert found.event_threshold == H
+
+    found.take(packet(2 * MS, first_index=2))
+
+    grown = np.where(np.arange(PIXELS) == 2, 2.0 ** (2 * H), 1.0)
+    bounds = ReferenceBounds(lower=LOWER * grown, upper=UPPER * grown)
+    assert found.event_threshold == 0.05
+    np.testing.assert_allclose(found.estimate, initial_estimate(bounds, 0.05), rtol=1e-12)
+
+
+def test_a_threshold_announced_too_late_is_not_taken():
+    found = running()
+    found.take(packet(0))
+    found.take(packet(2 * MS))
+
+    assert not found.announce_threshold(MS, 0.05)
+    assert found.announce_threshold(MS, H)
+    found.take(packet(3 * MS))
+    assert found.event_threshold == H
+
+
+@pytest.mark.parametrize('taken', [True, False], ids=['taken', 'announced'])
+def test_a_sensor_that_starts_again_keeps_its_threshold(taken):
+    found = running()
+    found.take(packet(0))
+    found.announce_threshold(0, 0.05)
+    if taken:
+        found.take(packet(5 * MS))
+
+    found.take(packet(-MS))
+
+    bounds = ReferenceBounds(lower=LOWER, upper=UPPER)
+    assert found.event_threshold == 0.05
+    np.testing.assert_allclose(found.estimate, initial_estimate(bounds, 0.05), rtol=1e-12)
+
+
+def test_another_set_point_keeps_what_is_known_of_the_pixels():
+    moved = dataclasses.replace(
+        PROBLEM, equilibrium=PROBLEM.model.equilibrium([0.3, -0.1], tolerance=1e-9)
+    )
+    found, before = running(), running()
+    for each in (found, before):
+        each.take(packet(0))
+        each.take(packet(MS, [(-5, 2, 1, 1)]))
+
+    found.redirect(moved, CONTROLLERS['stable'])
+
+    np.testing.assert_array_equal(found.estimate, before.estimate)
+    # c'x_d grows by 0.2, the feedforward -A x_d by (-0.2, 0).
+    change = -0.2 * CONTROLLERS['stable'].feedthrough + [-0.2, 0]
+    np.testing.assert_allclose(found.command, before.command + change, rtol=1e-12)
