@@ -38,3 +38,6 @@ enter_workspace() {
     enter_ros
     source_quietly "$root/install/local_setup.bash"
 }
+
+# The matrices here are small: threads of the linear algebra only get in each other's way.
+export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}

@@ -26,7 +26,10 @@ def write(bag):
 
 def contents(path):
     with Reader(path) as reader:
-        return [(c.topic.removeprefix('/'), time_ns, bytes(data)) for c, time_ns, data in reader.messages()]
+        return [
+            (c.topic.removeprefix('/'), time_ns, bytes(data))
+            for c, time_ns, data in reader.messages()
+        ]
 
 
 EXPECTED = [

@@ -1,7 +1,7 @@
 """Threshold crossings of one interval: the hysteresis quantiser and its stamps, in NumPy.
 
 Everything is counted in steps of the threshold: a pixel whose level is ``v`` steps above its
-first reference and whose polarities sum to ``N`` fires when ``|v - N| >= 1`` (paper, eq. 3), and
+first reference and whose polarities sum to ``N`` fires when ``|v - N| >= 1`` (paper, eq. 5), and
 comes to rest at ``floor(v)`` on the way up, ``ceil(v)`` on the way down.
 """
 

@@ -47,7 +47,7 @@ class Photoreceptor(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogPhotoreceptor:
-    """``ln max(y, log_floor)``: the pixel of the paper (eq. 3), which needs y > 0.
+    """``ln max(y, log_floor)``: the pixel of the paper (eq. 5), which needs y > 0.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ _INSIDE = 1 - 1e-9
 
 
 class PixelArray:
-    """r pixels that fire when the log luminosity has moved by h since their last event (eq. 3).
+    """r pixels that fire when the log luminosity has moved by h since their last event (eq. 5).
 
     A pixel's reference is ``q = s q0 b^(N h)`` with the **integer** N, the sum of its polarities:
     nothing accumulates, so sensor and estimator agree bit for bit for ever. Events of an interval

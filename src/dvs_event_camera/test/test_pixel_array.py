@@ -198,7 +198,7 @@ def test_start_that_could_fire_is_refused_with_pixel_and_numbers():
     bounds = ReferenceBounds(lower=[1.0, 1.0], upper=[1.05, 1.2])
     with pytest.raises(ParameterError, match='pixel 1'):
         PixelArray(event_threshold=0.1, bounds=bounds).update(0, [1.0, 1.0])
-    # Equality fires (eq. 3 says >=), so it is refused as well.
+    # Equality fires (eq. 5 says >=), so it is refused as well.
     bounds = ReferenceBounds(lower=[1.0], upper=[2.0])
     with pytest.raises(ParameterError, match='upper'):
         PixelArray(event_threshold=1.0, log_base=2.0, bounds=bounds).update(0, [1.0])

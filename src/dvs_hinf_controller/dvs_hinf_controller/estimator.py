@@ -12,7 +12,7 @@ from dvs_interfaces.model import FloatArray, ReferenceBounds
 
 
 class Estimator:
-    """``z_i = s_i lambdabar_i rho^(-N_i)`` with the integer N_i (paper, eqs. 8, 9; Theorem 3).
+    """``z_i = s_i lambdabar_i rho^(-N_i)`` with the integer N_i (paper, eqs. 12, 13; Theorem 3).
 
     Parameters
     ----------

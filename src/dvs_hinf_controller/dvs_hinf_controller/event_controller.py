@@ -41,7 +41,7 @@ class PacketReport:
 
 
 class EventController:
-    """Estimator (paper, eqs. 8, 9) and K, fed by packets.
+    """Estimator (paper, eqs. 12, 13) and K, fed by packets.
 
     Between events the estimate is constant, so K has a closed form; all events of a packet enter
     in one vectorised step, each at its own stamp. The command is that of the continuous-time

@@ -12,7 +12,7 @@ from dvs_interfaces.model import FloatArray, ReferenceBounds
 
 
 def spacing(event_threshold: float, log_base: float) -> float:
-    """``rho = b^-h`` in (0, 1), the spacing of the logarithmic partitions (paper, eq. 6).
+    """``rho = b^-h`` in (0, 1), the spacing of the logarithmic partitions (paper, eq. 9).
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def estimate(
     event_threshold: float,
     log_base: float,
 ) -> FloatArray:
-    """Zero-order-hold estimate ``z_i = s_i lambdabar_i rho^(-N_i)`` (paper, eqs. 8 and 9).
+    """Zero-order-hold estimate ``z_i = s_i lambdabar_i rho^(-N_i)`` (paper, eqs. 12 and 13).
 
     Integer counts, not a running product: sensor and estimator agree bit for bit for ever.
 

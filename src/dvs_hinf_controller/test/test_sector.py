@@ -23,7 +23,7 @@ def constants(lower, spread, threshold, base):
 
 
 def silent_luminosities(lower, upper, threshold, base, points=41):
-    """References q in [m, M], and for each the y at which no event fires (paper, eq. 3)."""
+    """References q in [m, M], and for each the y at which no event fires (paper, eq. 5)."""
     q = np.geomspace(lower, upper, points)
     y = q[:, None] * base ** np.linspace(-threshold, threshold, points)
     return q[:, None], y

@@ -125,7 +125,7 @@ class PlantModel:
             )
 
     def equilibrium(self, set_point: ArrayLike, *, tolerance: float) -> Equilibrium:
-        """Nearest stabilizable set-point and the input that holds it (paper, below eq. 3).
+        """Nearest stabilizable set-point and the input that holds it (paper, below eq. 2).
 
         A set-point x_d can be held iff it is reachable and ``A x_d`` lies in range(B).
 

@@ -122,7 +122,7 @@ _SENSOR = (
         nodes=_PIXELS,
         interval=POSITIVE,
         dynamic=True,
-        description='Event threshold h (paper, eq. 3)',
+        description='Event threshold h (paper, eq. 5)',
     ),
     ParameterSpec(
         name='log_base',
@@ -130,7 +130,7 @@ _SENSOR = (
         default=2.718281828459045,
         nodes=_PIXELS,
         interval=Interval(low=1, low_open=True),
-        description='Base b of the logarithm (paper, eq. 4)',
+        description='Base b of the logarithm (paper, eq. 6)',
     ),
     ParameterSpec(
         name='reference_lower',

@@ -46,7 +46,7 @@ def counts_at(
 
 
 def estimates_at(loop: ClosedLoop, run: Trajectory, times: FloatArray) -> FloatArray:
-    """Estimates ``z_i = s_i lambdabar_i rho^(-N_i)``, shape (k, r) (paper, eqs. 8 and 9).
+    """Estimates ``z_i = s_i lambdabar_i rho^(-N_i)``, shape (k, r) (paper, eqs. 12 and 13).
 
     Parameters
     ----------
