@@ -74,6 +74,12 @@ is_current() { [ -f "$1" ] && [ "$(cat "$1")" = "$2" ]; }
 
 checksum() { cat "$@" | sha256sum | cut -d ' ' -f 1; }
 
+# Built by the environment's own interpreter, so that executables find what is installed there.
+build() {
+    "$venv/bin/python" -c 'import sys; from colcon_core.command import main; sys.exit(main())' \
+        --log-base log build --symlink-install
+}
+
 log=$(mktemp -t dvs-setup-XXXXXX.log)
 requirements=("$root/requirements.txt")
 if has_apt_ros; then
@@ -107,7 +113,7 @@ manifests=("$root"/src/*/package.xml "$root"/src/*/setup.py "$root"/src/*/setup.
 wanted=$(checksum "${manifests[@]}" <(find "$root/src" -path '*/launch/*' -o -path '*/resource/*') <(ls "$root/config"))
 if ! is_current "$root/install/.dvs" "$wanted"; then
     echo "building the workspace ..."
-    if ! (cd "$root" && colcon --log-base log build --symlink-install) >"$log" 2>&1; then
+    if ! (cd "$root" && build)  >"$log" 2>&1; then
         tail -n 20 "$log" >&2
         fail "colcon build failed (log: $log)"
     fi

@@ -24,6 +24,7 @@ MESSAGE_TYPES: dict[str, type] = {
     topics.ESTIMATE: Float64MultiArray,
     topics.CLOCK: Clock,
     topics.KEYFRAME: Image,
+    topics.THRESHOLD: JointState,
     topics.DIAGNOSTICS: DiagnosticArray,
 }
 # What a verdict needs.

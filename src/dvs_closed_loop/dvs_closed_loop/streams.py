@@ -57,6 +57,7 @@ STREAMS = {
         Stream(topic=topics.ESTIMATE, type_name='std_msgs/msg/Float64MultiArray'),
         Stream(topic=topics.KEYFRAME, type_name='sensor_msgs/msg/Image', latched=True),
         Stream(topic=topics.KEYFRAME_REQUEST, type_name='std_msgs/msg/Empty'),
+        Stream(topic=topics.THRESHOLD, type_name='sensor_msgs/msg/JointState', latched=True),
         Stream(topic=topics.CLOCK, type_name='rosgraph_msgs/msg/Clock'),
         Stream(topic=topics.DIAGNOSTICS, type_name='diagnostic_msgs/msg/DiagnosticArray'),
         Stream(topic=topics.POLARITY, type_name='std_msgs/msg/Int16MultiArray', on_demand=True),
