@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from closed_loop_cases import (
@@ -286,3 +288,12 @@ def test_a_reference_that_would_fire_at_once_is_refused():
     loop = mirror_loop(1)
     with pytest.raises(ParameterError, match='fire at t = 0'):
         changed(loop, event_threshold=1e-4, initial_reference=loop.reference + 0.001)
+
+
+def test_the_mean_estimate_does_not_drift_over_many_events():
+    loop = mirror_loop(9)
+    run = simulate(loop, duration=2000.0, sample_times=[2000.0], record_events=False)
+    assert run.event_count > 50_000
+    z = loop.sector().initial_estimate * np.exp(run.counts * loop.event_threshold)
+    drive = math.fsum([*z, *-loop.set_point_luminosity()]) / 9
+    assert abs(run.drive[0] - drive) < 1e-16
