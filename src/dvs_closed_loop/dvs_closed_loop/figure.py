@@ -72,7 +72,9 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario) -> bytes:
 
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
-    axes.semilogy(trace.times_s, errors, color=BLUE, lw=1.2)
+    axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
+    if np.any(errors > 0):
+        axes.set_yscale('log')
     axes.axhline(scenario['tolerance'], color=VERMILION, ls='--', lw=1, label='tolerance eps')
     axes.set(xlabel='time [s]', ylabel='error ||x - x_d|| [state units]', title='Error')
     axes.legend(loc='upper right', frameon=False)

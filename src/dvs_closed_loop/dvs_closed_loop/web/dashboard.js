@@ -140,7 +140,7 @@ class Plot {
 
   valueTicks(range, log) {
     if (!log) {
-      const { ticks, digits } = niceTicks(...range, Math.max(2, this.inner.h / 48));
+      const { ticks, digits } = niceTicks(...range, Math.max(3, this.inner.h / 48));
       return ticks.map((tick) => [tick, tick.toFixed(digits)]);
     }
     const ticks = [];
