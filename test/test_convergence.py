@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from loop_support import CONFIG, run_closed_loop
-from test_lockstep import STREAMS, streams_of_bag
+from loop_support import CONFIG
 
 from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.sampled_loop import run_sampled
@@ -37,16 +36,3 @@ def test_the_trajectory_converges_with_first_order(name, record_property):
     assert 0.8 < order < 1.3
     assert np.all(np.diff(errors) < 0)
     assert errors[-1] < 0.01
-
-
-def test_without_ros_the_bytes_are_those_of_the_nodes(domain, tmp_path):
-    run = run_closed_loop('mirror_r9', domain, tmp_path, '--duration', '1')
-    assert run.returncode == 0, run.stdout + run.stderr
-
-    scenario = load_scenario(CONFIG / 'mirror_r9.yaml').replace(duration=1.0)
-    alone = run_sampled(scenario).messages
-
-    recorded = streams_of_bag(tmp_path / 'mirror_r9' / 'bag')
-    assert len(recorded['command']) == 1001
-    for topic in STREAMS:
-        assert recorded[topic] == alone[topic]

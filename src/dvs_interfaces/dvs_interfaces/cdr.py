@@ -89,7 +89,8 @@ class CdrWriter:
             self.text(value)
 
     def finish(self) -> bytes:
-        """Return the whole message."""
+        """Return the whole message, filled up to a multiple of four bytes as it is on the wire."""
+        self.align(4)
         return bytes(self._buffer)
 
 

@@ -46,6 +46,8 @@ _FIELDS = (
     ('sign', 13, _INT8),
 )
 _LABEL_FIELD = ('noise', 14, _UINT8)
+# is_dense, filled up to a multiple of four bytes.
+_TAIL = b'\x01\0\0\0'
 _STAMP_AT, _AFTER_STAMP = 4, 12
 _NANOSECONDS = 1_000_000_000
 
@@ -127,7 +129,7 @@ def pack_events(packet: EventPacket) -> bytes:
     struct.pack_into('<I', head, layout.count_at, len(data))
     struct.pack_into('<II', head, layout.size_at, size, size)
     # One copy of the events, not one into a buffer that grows and one out of it.
-    return b''.join((head, data.view(np.uint8).data, b'\x01'))
+    return b''.join((head, data.view(np.uint8).data, _TAIL))
 
 
 @dataclass(frozen=True, slots=True)
