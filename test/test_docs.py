@@ -48,6 +48,12 @@ def test_the_wire_contract_has_the_layout_of_an_event():
     }
 
 
+def test_the_index_lists_every_page():
+    listed = set(re.findall(r'\]\((\w[\w-]*\.md)\)', (DOCS / 'README.md').read_text()))
+
+    assert listed == {page.name for page in DOCS.glob('*.md')} - {'README.md'}
+
+
 @pytest.mark.parametrize('page', sorted(DOCS.glob('*.md')), ids=lambda path: path.name)
 def test_links_between_pages_lead_somewhere(page):
     targets = re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', page.read_text())

@@ -26,32 +26,27 @@ def write(bag):
 
 def contents(path):
     with Reader(path) as reader:
-        return [
-            (c.topic.removeprefix('/'), time_ns, bytes(data))
-            for c, time_ns, data in reader.messages()
-        ]
+        return [(c.topic, time_ns, bytes(data)) for c, time_ns, data in reader.messages()]
 
 
 EXPECTED = [
     entry
     for k, (state, events) in enumerate(zip(MESSAGES['state'], MESSAGES['events'], strict=True))
-    for entry in (('state', k * MS, state), ('events', k * MS + 1, events))
+    for entry in (('/state', k * MS, state), ('/events', k * MS + 1, events))
 ]
 
 
 @pytest.mark.parametrize('storage', STORAGES)
-def test_messages_read_back_byte_by_byte(storage, tmp_path):
+def test_messages_read_back_byte_by_byte_under_absolute_names(storage, tmp_path):
     with BagWriter(tmp_path / 'bag', TYPES, storage=storage) as bag:
         write(bag)
 
     assert contents(tmp_path / 'bag') == EXPECTED
     with Reader(tmp_path / 'bag') as reader:
-        assert {c.topic: c.msgtype for c in reader.connections} == TYPES
-        assert {c.topic: c.msgcount for c in reader.connections} == {
-            'state': 5,
-            'events': 5,
-            '/clock': 0,
-        }
+        types = {c.topic: c.msgtype for c in reader.connections}
+        assert types == {f'/{topic.lstrip("/")}': kind for topic, kind in TYPES.items()}
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        assert counts == {'/state': 5, '/events': 5, '/clock': 0}
         assert (reader.start_time, reader.message_count) == (0, 10)
 
 

@@ -68,7 +68,7 @@ def test_a_label_stands_in_the_padding():
     assert LABELLED_EVENT_DTYPE.itemsize == EVENT_DTYPE.itemsize == 16
 
 
-@given(columns.filter(len), stamps, st.integers(0, INDEX_MODULUS - 1))
+@given(columns.filter(len), stamps, st.integers(0, 2**40))
 def test_made_records_hold_their_columns(events, stamp_ns, first_index):
     records = made(events, stamp_ns=stamp_ns, first_index=first_index)
 
@@ -81,9 +81,10 @@ def test_made_records_hold_their_columns(events, stamp_ns, first_index):
 
 
 def test_the_index_wraps_around():
-    records = made([(0, 0, 0, 1, 1)] * 4, first_index=INDEX_MODULUS - 2)
+    records = made([(0, 0, 0, 1, 1)] * 4, first_index=3 * INDEX_MODULUS - 2)
 
     assert records['index'].tolist() == [INDEX_MODULUS - 2, INDEX_MODULUS - 1, 0, 1]
+    assert records['polarity'].tolist() == [1, 1, 1, 1]
 
 
 def test_no_events_make_an_empty_array():

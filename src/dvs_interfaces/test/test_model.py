@@ -99,6 +99,14 @@ def test_a_stable_state_out_of_reach_must_be_zero():
     np.testing.assert_allclose(model.equilibrium([3, 0.5], tolerance=1).state, [3, 0], atol=1e-12)
 
 
+def test_a_constant_out_of_reach_must_be_zero_although_it_would_stay():
+    # A x lies in range(B) for every x; only the first state can be reached from the origin.
+    held = plant([[1, 0], [0, 0]], [[1], [0]]).equilibrium([2, 3], tolerance=3)
+
+    np.testing.assert_allclose(held.state, [2, 0], atol=1e-12)
+    assert held.residual == pytest.approx(3)
+
+
 def test_any_position_of_a_double_integrator_can_be_held_and_no_speed():
     model = plant([[0, 1], [0, 0]], [[0], [1]])
 

@@ -1,0 +1,74 @@
+"""What the controller says when it starts: the figures of its design, and what it warns of."""
+
+import dataclasses
+
+import pytest
+
+from dvs_hinf_controller.design import design_from_scenario
+from dvs_hinf_controller.start_up import start_up_report
+from dvs_interfaces.scenario import Scenario
+
+
+@pytest.fixture(scope='module')
+def design():
+    return design_from_scenario(Scenario.from_values({'gamma_slack': 0.1}))
+
+
+def report(design, *, threshold=0.01, period=1e-4, **figures):
+    changed = dataclasses.replace(
+        design,
+        figures=dataclasses.replace(design.figures, **figures) if figures else design.figures,
+    )
+    return start_up_report(changed, event_threshold=threshold, sampling_period=period)
+
+
+def rows(text):
+    lines = text.splitlines()[1:]
+    return {line[2:].rsplit('  ', 1)[0].strip(): line.rsplit('  ', 1)[1] for line in lines}
+
+
+def test_the_figures_of_the_design_are_named(design):
+    found = rows(report(design, threshold=0.15).text)
+    figures = design.figures
+
+    assert found['pixels r'] == '3'
+    assert found['event threshold h'] == '0.15'
+    assert float(found['||Gw1(0)||']) == pytest.approx(figures.dc_gain_w1, rel=1e-5)
+    assert float(found['||Gw2(0)||']) == pytest.approx(figures.dc_gain_w2, rel=1e-5)
+    assert float(found['||Gw1||_inf']) == pytest.approx(figures.hinf_gain_w1, rel=1e-5)
+    assert float(found['delta*']) == pytest.approx(figures.delta_star, rel=1e-5)
+    assert float(found['h* (published)']) == pytest.approx(figures.h_star, rel=1e-5)
+
+
+def test_the_sector_is_that_of_the_running_threshold(design):
+    coarse, fine = (rows(report(design, threshold=h).text) for h in (0.15, 0.05))
+
+    assert float(coarse['sector bound delta_z']) > float(fine['sector bound delta_z'])
+
+
+def test_nothing_is_warned_of_below_the_bounds(design):
+    h_star = design.figures.h_star
+    longest = design.figures.max_sampling_period
+
+    assert report(design, threshold=h_star, period=longest).warnings == ()
+
+
+def test_a_threshold_beyond_h_star_is_warned_of(design):
+    warnings = report(design, threshold=design.figures.h_star * 1.001).warnings
+
+    assert len(warnings) == 1
+    assert 'exceeds h* = ' in warnings[0]
+
+
+def test_a_sampling_period_beyond_the_longest_is_warned_of(design):
+    warnings = report(design, period=1.001e-3, max_sampling_period=1e-3).warnings
+
+    assert len(warnings) == 1
+    assert 'sampling_period = 0.001001 s exceeds 0.001 s' in warnings[0]
+
+
+@pytest.mark.parametrize(('holds', 'word'), [(True, 'yes'), (False, 'NO')])
+def test_the_small_gain_condition_is_answered(design, holds, word):
+    found = rows(report(design, small_gain_ok=holds).text)
+
+    assert found['small gain, delta* ||Gw1||_inf < 1'] == word
