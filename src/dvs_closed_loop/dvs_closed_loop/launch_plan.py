@@ -83,7 +83,7 @@ VIEWERS = {
     'rqt': Viewer(
         package='rqt_gui',
         executable='rqt_gui',
-        layout='closed_loop.perspective',
+        layout='rqt.perspective',
         layout_option='--perspective-file',
     ),
     'plotjuggler': Viewer(
