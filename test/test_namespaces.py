@@ -3,8 +3,8 @@
 import subprocess
 
 from loop_support import CONFIG, environment, listening, program, run_closed_loop, wait_for
-from rosbags.rosbag2 import Reader
 
+from dvs_closed_loop.bag import read_bag
 from dvs_interfaces import topics
 
 STREAMS = (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE, topics.ESTIMATE)
@@ -14,12 +14,11 @@ DURATION = '0.4'
 
 def streams_of(folder, scenario):
     streams = {topic: [] for topic in STREAMS}
-    with Reader(folder / scenario / 'bag') as reader:
-        for connection, _, message in reader.messages():
-            stream = streams.get(connection.topic)
-            # On a loaded machine the plant may send an unanswered sample again.
-            if stream is not None and bytes(message) not in stream[-1:]:
-                stream.append(bytes(message))
+    for message in read_bag(folder / scenario / 'bag', topics=list(STREAMS)).messages:
+        stream = streams[message.topic]
+        # On a loaded machine the plant may send an unanswered sample again.
+        if message.data not in stream[-1:]:
+            stream.append(message.data)
     return streams
 
 

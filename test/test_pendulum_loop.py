@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from loop_support import CONFIG, ROOT, ros_arguments, run_closed_loop, start
-from rosbags.rosbag2 import Reader
 from scipy.linalg import expm
 
+from dvs_closed_loop.bag import read_bag
 from dvs_interfaces import topics
 from dvs_interfaces.messages import parse_command, parse_state
 from dvs_interfaces.scenario import load_scenario
@@ -22,14 +22,10 @@ def refusal(executable, domain, processes, **parameters):
     return output
 
 
-def states_and_commands(bag):
-    states, commands = [], []
-    with Reader(bag) as reader:
-        for connection, _, message in reader.messages():
-            if connection.topic == topics.STATE:
-                states.append(parse_state(bytes(message)).values)
-            elif connection.topic == topics.COMMAND:
-                commands.append(parse_command(bytes(message)).values)
+def states_and_commands(folder):
+    bag = read_bag(folder)
+    states = [parse_state(message).values for message in bag.of(topics.STATE)]
+    commands = [parse_command(message).values for message in bag.of(topics.COMMAND)]
     return np.array(states), np.array(commands)
 
 

@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 from loop_support import CONFIG, program, run_closed_loop, stop
-from rosbags.rosbag2 import Reader
 from two_hosts import two_hosts
 
+from dvs_closed_loop.bag import read_bag
 from dvs_interfaces import topics
 from dvs_interfaces.messages import parse_command, parse_image
 
@@ -56,8 +56,7 @@ def run_across(hosts, scenario, domain, folder, processes, discovery, *options):
 
 def messages_of(bag, topic):
     """Messages of a topic and the times at which they came, ns."""
-    with Reader(bag) as reader:
-        return [(t, bytes(m)) for c, t, m in reader.messages() if c.topic == topic]
+    return [(m.received_ns, m.data) for m in read_bag(bag).messages if m.topic == topic]
 
 
 def command_delays_ms(bag):

@@ -27,6 +27,8 @@ MESSAGE_TYPES: dict[str, type] = {
     topics.THRESHOLD: JointState,
     topics.DIAGNOSTICS: DiagnosticArray,
 }
+# The loop does not wait for those who only listen: messages queue up here while we write.
+_DEPTH = 4000
 # What a verdict needs.
 _NEEDED = (
     topics.LUMINOSITY,
@@ -98,8 +100,13 @@ class RunRecorder:
 
 
 def _qos(topic: str, mode: str) -> QoSProfile:
+    if topic == topics.CLOCK:
+        return topics.clock_qos()
     if topic in (topics.EVENTS, topics.COMMAND):
-        return topics.handshake_qos(mode)
-    if topic == topics.KEYFRAME:
-        return topics.latched_qos()
-    return topics.clock_qos() if topic == topics.CLOCK else topics.stream_qos()
+        qos = topics.handshake_qos(mode)
+    elif topic in (topics.KEYFRAME, topics.THRESHOLD):
+        qos = topics.latched_qos()
+    else:
+        qos = topics.stream_qos()
+    qos.depth = _DEPTH
+    return qos
