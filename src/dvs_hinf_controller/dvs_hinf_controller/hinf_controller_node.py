@@ -52,6 +52,7 @@ class HinfControllerNode(ManagedNode):
     def configure(self, scenario: Scenario) -> None:
         """Design the controller and report what it promises; see `ManagedNode.configure`."""
         self._scenario = scenario
+        self._command_limit = scenario.command_limit
         self._design = design_from_scenario(scenario)
         self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
         qos = topics.handshake_qos(scenario['mode'])
@@ -85,7 +86,7 @@ class HinfControllerNode(ManagedNode):
             self._design.problem,
             self._design.controller,
             event_threshold=self._scenario['event_threshold'],
-            command_limit=self._scenario.command_limit,
+            command_limit=self._command_limit,
         )
         self._lost_events = self._resynchronisations = 0
         self._events = self._on_events = self._packets = 0
