@@ -22,9 +22,11 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from tqdm import tqdm
 
+from dvs_closed_loop.bag import read_bag
 from dvs_closed_loop.figure import save_figure
 from dvs_closed_loop.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.processes import NodeProcess
+from dvs_closed_loop.recorded_run import examine
 from dvs_closed_loop.recording import BagWriter
 from dvs_closed_loop.run_recorder import MESSAGE_TYPES, RunRecorder, type_name
 from dvs_closed_loop.trace import IncompleteTraceError, Trace, decode_trace
@@ -311,10 +313,16 @@ def run_scenario(
         recorder = runner.run(bag, stop)
     if stop.received and not recorder.messages[topics.COMMAND]:
         raise InterruptedEarly
+    bounds = None
     try:
         trace = decode_trace(recorder.messages)
     except IncompleteTraceError as error:
-        raise LoopError(f'the recording is incomplete: {error}') from None
+        # A run that was cut off may lack the last answer to a sample; any other must be whole.
+        recorded = examine(read_bag(bag_path)) if stop.received else None
+        if recorded is None or recorded.trace is None:
+            raise LoopError(f'the recording is incomplete: {error}') from None
+        trace = recorded.trace
+        bounds = None if recorded.from_start else scenario.model_reference_bounds
     verdict = judge(
         trace,
         scenario,
@@ -322,6 +330,7 @@ def run_scenario(
         h_star=design.figures.h_star,
         wall_seconds=recorder.wall_seconds,
         interrupted=stop.received,
+        bounds=bounds,
     )
     verdict.save(output / 'result.json')
     save_figure(trace, scenario, verdict, output / 'figure.png')
