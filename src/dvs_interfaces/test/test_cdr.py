@@ -28,11 +28,15 @@ programs = st.lists(
 )
 
 
-def written(program):
+def writer_of(program):
     writer = CdrWriter()
     for kind, value in program:
         getattr(writer, kind)(value)
-    return writer.finish()
+    return writer
+
+
+def written(program):
+    return writer_of(program).finish()
 
 
 def read(program, message):
@@ -52,11 +56,18 @@ def test_fields_read_back_as_they_were_written(program):
 @given(programs, st.data())
 def test_a_message_cut_anywhere_is_refused(program, data):
     message = written(program)
-    # Up to three bytes at the end only fill the message up.
-    cut = data.draw(st.integers(0, max(0, len(message) - 4)))
+    cut = data.draw(st.integers(0, writer_of(program).size - 1))
 
     with pytest.raises(MessageError):
         read(program, message[:cut])
+
+
+@given(programs)
+def test_a_message_is_filled_up_to_whole_words_with_zeros(program):
+    message, size = written(program), writer_of(program).size
+
+    assert len(message) == -(-size // 4) * 4
+    assert not any(message[size:])
 
 
 def test_numbers_are_aligned_from_the_end_of_the_header():
