@@ -5,5 +5,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/env.sh"
 "$root/scripts/setup.sh" >/dev/null
 enter_workspace
-export OPENBLAS_NUM_THREADS=1
+python -c 'import dkpy' 2>/dev/null ||
+    python -m pip install --disable-pip-version-check -q -r "$root/requirements-bench.txt" 2>/dev/null ||
+    fail "pip could not install requirements-bench.txt; is there a network, or a package index?"
 exec python "$root/scripts/bench.py" "$@"

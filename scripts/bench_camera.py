@@ -113,7 +113,7 @@ def message_updater(first: np.ndarray) -> Callable[[int, bytes], int]:
     return update
 
 
-def measure(height: int, width: int, count: int, rounds: int) -> dict[str, float]:
+def measure_size(height: int, width: int, count: int, rounds: int) -> dict[str, float]:
     """CPU seconds a frame of all contestants, and events a frame."""
     frames = drifting_pattern(height, width, count)
     messages = [pack_image(k * PERIOD_NS, frame, '64FC1') for k, frame in enumerate(frames)]
@@ -139,7 +139,7 @@ def measure(height: int, width: int, count: int, rounds: int) -> dict[str, float
     return {'events': events / (count - 2), **best}
 
 
-def bench(quick: bool = False) -> dict[str, float]:
+def measure(quick: bool = False) -> dict[str, float]:
     """Measure, print a table and return the keys of scripts/bench.sh.
 
     Parameters
@@ -159,7 +159,7 @@ def bench(quick: bool = False) -> dict[str, float]:
     ratios: list[float] = []
     overheads: list[float] = []
     for name, (height, width, count) in sizes.items():
-        found = measure(height, width, count, rounds=2 if quick else 3)
+        found = measure_size(height, width, count, rounds=2 if quick else 3)
         events = found.pop('events')
         print(f'\n{name}, {count} frames, {events:.0f} events a frame')
         for contestant, seconds in found.items():
@@ -187,7 +187,7 @@ def main() -> None:
     parser.add_argument('--quick', action='store_true', help='fewer frames')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures there')
     options = parser.parse_args()
-    result = bench(options.quick)
+    result = measure(options.quick)
     if options.json:
         options.json.write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
 

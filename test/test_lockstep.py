@@ -38,7 +38,8 @@ def streams_started_in(order, domain, processes, samples):
 
 
 def test_all_six_start_orders_give_the_same_bytes(new_domain, processes):
-    samples = 150
+    # Fewer than are latched: a listener that is matched late misses none.
+    samples = 90
     results = {
         order: streams_started_in(order, new_domain(), processes, samples)
         for order in itertools.permutations(NODES)
@@ -46,7 +47,7 @@ def test_all_six_start_orders_give_the_same_bytes(new_domain, processes):
 
     first = results[NODES]
     assert [len(first[topic]) for topic in STREAMS] == [samples + 1, samples + 1]
-    assert len(set(first[topics.COMMAND])) > 100
+    assert len(set(first[topics.COMMAND])) > 60
     for order, streams in results.items():
         assert streams == first, order
 

@@ -28,7 +28,7 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 # Known to PyPI alone: a comment in package.xml says so.
-WITHOUT_KEY = {'distributed', 'mcap', 'mpmath', 'rosbags'}
+WITHOUT_KEY = {'control', 'distributed', 'mcap', 'mpmath', 'rosbags'}
 # Used where they are installed; nothing fails without them.
 OPTIONAL = {'cv2', 'event_camera_msgs'}
 PYPI_NAMES = {'PIL': 'Pillow', 'yaml': 'PyYAML'}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, finite_array
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,17 @@ class LinearController:
     def input_count(self) -> int:
         """Number of plant inputs m that it drives."""
         return int(self.feedthrough.size)
+
+    def state_space(self) -> control.StateSpace:
+        """K as a system of python-control, with the one input e and the m inputs u as outputs."""
+        import control
+
+        return control.ss(
+            self.state_matrix,
+            self.input_vector[:, None],
+            self.output_matrix,
+            self.feedthrough[:, None],
+        )
 
     def response(self, frequencies: FloatArray) -> np.ndarray:
         """Frequency response K(jw), complex, shape (len(frequencies), m).

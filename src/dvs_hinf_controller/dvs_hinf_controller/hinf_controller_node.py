@@ -14,6 +14,7 @@ from dvs_hinf_controller.event_controller import EventController, PacketReport
 from dvs_hinf_controller.start_up import start_up_report
 from dvs_hinf_controller.synchroniser import Synchrony
 from dvs_interfaces import topics
+from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.events import parse_events
 from dvs_interfaces.health import Health, Level, RateMeter, Trouble
@@ -139,22 +140,22 @@ class HinfControllerNode(ManagedNode):
 
     def _take_threshold(self, message: bytes) -> None:
         announcement = parse_command(message)
+        if announcement.values.size != 1 or not announcement.values[0] > 0:
+            raise MessageError(f'threshold {announcement.values.tolist()} is not one number > 0')
         event_threshold = float(announcement.values[0])
         running = self._controller.event_threshold
-        if event_threshold == running:
+        if self._controller.announce_threshold(announcement.stamp_ns, event_threshold):
             self._misunderstood_threshold = None
-            return
-        if self._packets and self._controller.announce_threshold(
-            announcement.stamp_ns, event_threshold
-        ):
-            self.get_logger().info(
-                f'event_camera goes from h = {running:g} to {event_threshold:g}'
-            )
+            if event_threshold != running:
+                self.get_logger().warning(
+                    f'event_camera goes from h = {running:g} to {event_threshold:g}, '
+                    'the estimator with it'
+                )
             return
         self._misunderstood_threshold = event_threshold
         self.get_logger().error(
-            f'event_camera fires at h = {event_threshold:g}, the estimator counts at h = '
-            f'{running:g}: the estimate is wrong; give both the same event_threshold and restart'
+            f'event_camera fires at h = {event_threshold:g}, the estimator has counted at h = '
+            f'{running:g}: the estimate is wrong; restart hinf_controller with the same h'
         )
 
     def _say(self, report: PacketReport, stamp_ns: int) -> None:

@@ -65,6 +65,11 @@ def start_up_report(
             f'event_threshold = {event_threshold:.6g} exceeds h* = {figures.h_star:.6g}: '
             'regulation to within tolerance is not even published'
         )
+    if not figures.small_gain_ok:
+        warnings.append(
+            'delta* ||Gw1||_inf >= 1: the small-gain condition behind h* does not hold, so h* '
+            'says nothing; h_certified does'
+        )
     if sampling_period > figures.max_sampling_period:
         warnings.append(
             f'sampling_period = {sampling_period:g} s exceeds {figures.max_sampling_period:.3g} '

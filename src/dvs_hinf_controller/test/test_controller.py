@@ -67,3 +67,14 @@ def test_shapes_that_do_not_fit_are_refused(change):
     LinearController(**fields)
     with pytest.raises(ParameterError):
         LinearController(**{**fields, **change})
+
+
+def test_python_control_gets_the_same_system():
+    found = controller(3, 2)
+    w = np.array([0.1, 1.0, 10.0])
+
+    system = found.state_space()
+
+    assert (system.ninputs, system.noutputs, system.nstates) == (1, 2, 3)
+    response = np.array([system(1j * f)[:, 0] for f in w])
+    np.testing.assert_allclose(response, found.response(w), rtol=1e-9)
