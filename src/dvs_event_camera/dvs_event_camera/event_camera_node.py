@@ -28,8 +28,6 @@ from dvs_interfaces.parameters import CAMERA
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.spin import run_nodes
 
-# How often the node looks whether anybody listens to its optional topics.
-_LOOK_S = 0.1
 _STALE_S = 2.0
 _START_FAILED = 2
 _INT16 = np.iinfo(np.int16)
@@ -60,20 +58,19 @@ class EventCameraNode(ManagedNode):
             else None
         )
         self._keyframe = self.advertise(Image, topics.KEYFRAME, topics.latched_qos(depth=1))
-        self._polarity = self.advertise(Int16MultiArray, topics.POLARITY, stream)
-        self._image = self.advertise(Image, topics.EVENT_IMAGE, stream)
+        self._polarity = self.advertise_on_demand(Int16MultiArray, topics.POLARITY, stream)
+        self._image = self.advertise_on_demand(Image, topics.EVENT_IMAGE, stream)
         self._packets = self._advertise_event_packets(stream)
         self._threshold = self.advertise(JointState, topics.THRESHOLD, topics.latched_qos(depth=1))
         self._listen(stream)
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
-        self.every(_LOOK_S, self._look)
 
     def _advertise_event_packets(self, qos: QoSProfile) -> Any:
         try:
             messages = importlib.import_module('event_camera_msgs.msg')
         except ImportError:
             return None
-        return self.advertise(messages.EventPacket, topics.EVENTS_PACKET, qos)
+        return self.advertise_on_demand(messages.EventPacket, topics.EVENTS_PACKET, qos)
 
     def _listen(self, qos: QoSProfile) -> None:
         if self._scenario['image_reliability'] == 'best_effort':
@@ -97,8 +94,6 @@ class EventCameraNode(ManagedNode):
         self._restarts_reported = self._on_events = 0
         self._next_threshold: float | None = None
         self._announced_threshold: float | None = None
-        self._polarity_wanted = self._image_wanted = self._packets_wanted = False
-        self._look()
 
     def change(self, scenario: Scenario) -> Callable[[], None]:
         """Change threshold or display; see `ManagedNode.change`."""
@@ -152,8 +147,10 @@ class EventCameraNode(ManagedNode):
             self._publish(packet)
         self._publish_keyframe(frame.stamp_ns, due_now=exposure.started)
         self._report_invalid()
-        if self._image_wanted:
+        if self._image.wanted:
             self._draw(exposure, frame.stamp_ns)
+        else:
+            self._renderer = None
 
     def _announce_threshold(self, after_ns: int, event_threshold: float) -> None:
         h = np.array([event_threshold])
@@ -182,9 +179,9 @@ class EventCameraNode(ManagedNode):
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         if self._labels is not None:
             self._labels.publish(pack_events(packet))
-        if self._polarity_wanted:
+        if self._polarity.wanted:
             self._polarity.publish(_net_polarity(packet, self._camera.shape))
-        if self._packets_wanted:
+        if self._packets is not None and self._packets.wanted:
             height, width = self._camera.shape
             message = pack_event_packet(
                 packet, height=height, width=width, sequence=self._packet_number
@@ -223,15 +220,6 @@ class EventCameraNode(ManagedNode):
             )
 
     # -- for those who look -----------------------------------------------------------------------
-
-    def _look(self) -> None:
-        self._polarity_wanted = self._polarity.get_subscription_count() > 0
-        self._image_wanted = self._image.get_subscription_count() > 0
-        self._packets_wanted = (
-            self._packets is not None and self._packets.get_subscription_count() > 0
-        )
-        if not self._image_wanted:
-            self._renderer = None
 
     def _draw(self, exposure: Exposure, stamp_ns: int) -> None:
         s = self._scenario

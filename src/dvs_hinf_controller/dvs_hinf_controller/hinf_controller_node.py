@@ -58,7 +58,7 @@ class HinfControllerNode(ManagedNode):
         self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
         qos = topics.handshake_qos(scenario['mode'])
         self._command_publisher = self.advertise(JointState, topics.COMMAND, qos)
-        self._estimate_publisher = self.advertise(
+        self._estimate_publisher = self.advertise_on_demand(
             Float64MultiArray, topics.ESTIMATE, topics.stream_qos()
         )
         self._request_publisher = self.advertise(
@@ -122,7 +122,7 @@ class HinfControllerNode(ManagedNode):
         report = self._controller.take(packet)
         self._stamp_ns = packet.stamp_ns
         self._publish_command(packet.stamp_ns, self._controller.command)
-        if self._estimate_publisher.get_subscription_count():
+        if self._estimate_publisher.wanted:
             self._estimate_publisher.publish(pack_array(self._controller.estimate))
         self._packets += 1
         if len(packet.events):

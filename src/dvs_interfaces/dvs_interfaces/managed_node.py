@@ -43,8 +43,40 @@ _ROS_TYPE = {
     Kind.FLOATS: Parameter.Type.DOUBLE_ARRAY,
 }
 _DIAGNOSTICS_S = 1.0
+_LOOK_S = 0.1
 # Timers of a node follow the wall clock, even where use_sim_time ties the node's clock to /clock.
 _WALL_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
+
+
+class DemandedPublisher:
+    """Publisher of what is worth its work only while somebody listens.
+
+    Asking the middleware for the number of subscribers takes longer than many a message: `wanted`
+    is looked up ten times a second.
+
+    Parameters
+    ----------
+    publisher
+        Publisher of the topic.
+    """
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._publisher = publisher
+        self.wanted = False
+
+    def look(self) -> None:
+        """Find out whether somebody listens."""
+        self.wanted = self._publisher.get_subscription_count() > 0
+
+    def publish(self, message: Any) -> None:
+        """Publish a message object or a serialized one.
+
+        Parameters
+        ----------
+        message
+            What to publish.
+        """
+        self._publisher.publish(message)
 
 
 class ManagedNode(LifecycleNode):
@@ -86,6 +118,7 @@ class ManagedNode(LifecycleNode):
         self._active_since_s = 0.0
         self._accepted_change: Callable[[], None] | None = None
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
+        self._demanded: list[DemandedPublisher] = []
         self._schema = SCHEMA if own_parameters is None else SCHEMA.closed(own_parameters)
         self._specs = [*SCHEMA.of_node(executable), *(own_parameters or ())]
         self._foreign = self._declare_parameters()
@@ -155,6 +188,24 @@ class ManagedNode(LifecycleNode):
         """
         publisher = self.create_publisher(message_type, topic, qos)
         self._entities.append((self.destroy_publisher, publisher))
+        return publisher
+
+    def advertise_on_demand(
+        self, message_type: type, topic: str, qos: QoSProfile
+    ) -> DemandedPublisher:
+        """Publisher that tells whether anybody listens; see `advertise`.
+
+        Parameters
+        ----------
+        message_type
+            Class of the messages.
+        topic
+            Relative or absolute name.
+        qos
+            Quality of service.
+        """
+        publisher = DemandedPublisher(self.advertise(message_type, topic, qos))
+        self._demanded.append(publisher)
         return publisher
 
     def listen(
@@ -286,6 +337,7 @@ class ManagedNode(LifecycleNode):
         self.is_active = True
         self._active_since_s = time.monotonic()
         self._heard_s.clear()
+        self._look()
         if not self._succeeds(self.activate):
             self.is_active = False
             return TransitionCallbackReturn.FAILURE
@@ -313,6 +365,11 @@ class ManagedNode(LifecycleNode):
             DiagnosticArray, topics.DIAGNOSTICS, topics.stream_qos()
         )
         self.every(_DIAGNOSTICS_S, self._publish_health)
+        self.every(_LOOK_S, self._look)
+
+    def _look(self) -> None:
+        for publisher in self._demanded:
+            publisher.look()
 
     def _publish_health(self) -> None:
         health = self.health()
@@ -350,6 +407,7 @@ class ManagedNode(LifecycleNode):
             self.is_active = False
 
     def _destroy_entities(self) -> None:
+        self._demanded.clear()
         while self._entities:
             destroy, entity = self._entities.pop()
             destroy(entity)

@@ -38,7 +38,7 @@ class LockstepDriver:
     def __init__(self, node: PlantNode, scenario: Scenario) -> None:
         self._node = node
         self._scenario = scenario
-        self._clock_publisher = node.advertise(Clock, topics.CLOCK, topics.clock_qos())
+        self._clock_publisher = node.advertise_on_demand(Clock, topics.CLOCK, topics.clock_qos())
         qos = topics.handshake_qos(scenario['mode'])
         node.listen(JointState, topics.COMMAND, self._step, qos)
         node.every(_RESEND_S, self._wait)
@@ -59,7 +59,7 @@ class LockstepDriver:
         stamp_ns = self._handshake.stamp_ns
         self._handshake.sent()
         self._node.publish_sample(stamp_ns)
-        if self._clock_publisher.get_subscription_count():
+        if self._clock_publisher.wanted:
             self._clock_publisher.publish(pack_clock(stamp_ns))
 
     def _step(self, message: bytes) -> None:

@@ -85,7 +85,9 @@ class PlantNode(ManagedNode):
         self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
         self.plant = self._disturbed_plant()
         self._luminosity_publisher = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
-        self._state_publisher = self.advertise(JointState, topics.STATE, topics.stream_qos())
+        self._state_publisher = self.advertise_on_demand(
+            JointState, topics.STATE, topics.stream_qos()
+        )
         driver = LockstepDriver if scenario['mode'] == 'lockstep' else RealtimeDriver
         self._driver: LockstepDriver | RealtimeDriver = driver(self, scenario)
         self._say_set_point()
@@ -140,7 +142,7 @@ class PlantNode(ManagedNode):
         self._message = pack_image(stamp_ns, image, '64FC1')
         # First what the loop waits for, then what others look at.
         self._luminosity_publisher.publish(self._message)
-        if self._state_publisher.get_subscription_count():
+        if self._state_publisher.wanted:
             state = Vector(stamp_ns=stamp_ns, names=self._state_names, values=self.plant.state)
             self._state_publisher.publish(pack_state(state))
 
