@@ -8,6 +8,7 @@ rclpy.
 from __future__ import annotations
 
 import struct
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from dvs_interfaces.model import FloatArray
 
 _LITTLE_ENDIAN_HEADER = b'\x00\x01\x00\x00'
 _U32 = struct.Struct('<I')
+_T = TypeVar('_T')
+_MEMO_SIZE = 4
 _U64 = struct.Struct('<Q')
 _STAMP = struct.Struct('<iI')
 _NANOSECONDS = 1_000_000_000
@@ -124,6 +127,19 @@ class CdrReader:
             raise MessageError(f'message ends {start + size - len(self._buffer)} bytes too early')
         self._position = start + size
         return start
+
+    def recall(self, memo: dict[bytes, _T]) -> _T | None:
+        """Step over a run of bytes that was read before; return what it meant, None if unknown."""
+        for section, meaning in memo.items():
+            if self.skip_section(section):
+                return meaning
+        return None
+
+    def remember(self, memo: dict[bytes, _T], start: int, meaning: _T) -> _T:
+        """Keep what the bytes from `start` to here mean, and return it; `memo` stays small."""
+        if len(memo) < _MEMO_SIZE:
+            memo[bytes(self._buffer[start : self._position])] = meaning
+        return meaning
 
     def skip_section(self, octets: bytes) -> bool:
         """Step over `octets` if they are what comes next; tell whether they are."""

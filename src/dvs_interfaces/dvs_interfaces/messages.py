@@ -13,6 +13,8 @@ from dvs_interfaces.events import FRAME_ID
 from dvs_interfaces.model import FloatArray
 
 _AFTER_STAMP = 12
+# Two empty sequences, as two of the three of a JointState are.
+_NO_DOUBLES = bytes(8)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,22 +116,47 @@ def parse_image(message: bytes) -> ImageFrame:
     """
     reader = CdrReader(message)
     stamp_ns = reader.stamp()
-    reader.text()
-    height, width = reader.u32(), reader.u32()
-    encoding = reader.text()
-    big_endian, step = bool(reader.u8()), reader.u32()
+    layout = reader.recall(_known_layouts)
+    if layout is None:
+        reader.text()
+        layout = _Layout(
+            height=reader.u32(),
+            width=reader.u32(),
+            encoding=reader.text(),
+            big_endian=bool(reader.u8()),
+            step=reader.u32(),
+        )
+        reader.remember(_known_layouts, _AFTER_STAMP, layout)
     data = reader.octets()
-    if len(data) != height * step:
-        raise MessageError(f'{height} rows of {step} bytes do not fit {len(data)} bytes of data')
+    if len(data) != layout.height * layout.step:
+        raise MessageError(
+            f'{layout.height} rows of {layout.step} bytes do not fit {len(data)} bytes of data'
+        )
     return ImageFrame(
         stamp_ns=stamp_ns,
-        height=height,
-        width=width,
-        encoding=encoding,
-        big_endian=big_endian,
-        step=step,
+        height=layout.height,
+        width=layout.width,
+        encoding=layout.encoding,
+        big_endian=layout.big_endian,
+        step=layout.step,
         data=data,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Layout:
+    """What is the same in all images of a stream."""
+
+    height: int
+    width: int
+    encoding: str
+    big_endian: bool
+    step: int
+
+
+# A stream repeats the bytes between stamp and data: they are read once.
+_known_layouts: dict[bytes, _Layout] = {}
+_known_names: dict[bytes, tuple[str, ...]] = {}
 
 
 def luminosity_image(frame: ImageFrame) -> FloatArray:
@@ -160,7 +187,12 @@ def pack_state(vector: Vector) -> bytes:
     vector
         State of the plant.
     """
-    return _pack_joint_state(vector, position=vector.values, effort=np.empty(0))
+    writer = CdrWriter()
+    writer.stamp(vector.stamp_ns)
+    writer.section(_joint_names(vector.names))
+    writer.doubles(vector.values)
+    writer.section(_NO_DOUBLES)
+    return writer.finish()
 
 
 def pack_command(vector: Vector) -> bytes:
@@ -171,16 +203,11 @@ def pack_command(vector: Vector) -> bytes:
     vector
         Input u_o of the plant.
     """
-    return _pack_joint_state(vector, position=np.empty(0), effort=vector.values)
-
-
-def _pack_joint_state(vector: Vector, *, position: FloatArray, effort: FloatArray) -> bytes:
     writer = CdrWriter()
     writer.stamp(vector.stamp_ns)
     writer.section(_joint_names(vector.names))
-    writer.doubles(position)
-    writer.doubles(np.empty(0))
-    writer.doubles(effort)
+    writer.section(_NO_DOUBLES)
+    writer.doubles(vector.values)
     return writer.finish()
 
 
@@ -228,8 +255,10 @@ def parse_command(message: bytes) -> Vector:
 def _parse_joint_state(message: bytes, part: str) -> Vector:
     reader = CdrReader(message)
     stamp_ns = reader.stamp()
-    reader.text()
-    names = reader.texts()
+    names = reader.recall(_known_names)
+    if names is None:
+        reader.text()
+        names = reader.remember(_known_names, _AFTER_STAMP, reader.texts())
     position, _, effort = reader.doubles(), reader.doubles(), reader.doubles()
     values = position if part == 'position' else effort
     if len(values) != len(names):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -79,6 +80,7 @@ class PlantNode(ManagedNode):
         """Build the plant and its scene; see `ManagedNode.configure`."""
         self._scenario = scenario
         self._model = scenario.model
+        self._input_count = self._model.input_count
         self._model.require_stabilizable()
         self._model.require_detectable()
         self._scene = scenario.scene
@@ -164,8 +166,8 @@ class PlantNode(ManagedNode):
             If it does not hold m finite numbers.
         """
         command = parse_command(message)
-        m = self._model.input_count
-        if command.values.size != m or not np.isfinite(command.values).all():
+        m = self._input_count
+        if command.values.size != m or not all(map(math.isfinite, command.values.tolist())):
             raise MessageError(f'command {command.values.tolist()} is not {m} finite numbers')
         return command
 
