@@ -86,7 +86,7 @@ def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes,
     bag = tmp_path / 'bag'
     recorder = start('dvs_closed_loop', domain, ['record', str(bag), '--storage', 'sqlite3'])
     processes.append(recorder)
-    lines_until(recorder, [f'recording 9 topics to {bag}/'])
+    lines_until(recorder, [f'recording 10 topics to {bag}/'])
     for node in ('event_camera', 'hinf_controller', 'plant_sim'):
         processes.append(start(node, domain, ['--ros-args', '--params-file', str(scenario)]))
     heard = ['luminosity', 'events', 'command', 'state', 'estimate']

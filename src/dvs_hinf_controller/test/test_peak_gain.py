@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from plants import plants
 
@@ -10,6 +10,7 @@ from dvs_hinf_controller.options import DesignOptions
 from dvs_hinf_controller.peak_gain import peak_gains, sample_kernel
 from dvs_hinf_controller.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.state_space import StateSpace, state_response
+from dvs_hinf_controller.synthesis_error import SynthesisError
 from dvs_interfaces.model import PlantModel
 
 
@@ -108,9 +109,11 @@ def test_never_too_small(seed: int, order: int, outputs: int) -> None:
 @given(model=plants(max_states=4, max_inputs=2))
 def test_no_disturbance_beats_the_bound(model: PlantModel) -> None:
     """The worst |w| <= 1 for one instant, run through the closed loop, stays below N_T and N_G."""
-    g = state_response(
-        model, synthesize_rolled_off(model, DesignOptions(gamma_slack=0.05)).controller
-    )
+    try:
+        controller = synthesize_rolled_off(model, DesignOptions(gamma_slack=0.05)).controller
+    except SynthesisError:
+        reject()  # A plant too badly conditioned to have a controller: nothing to measure.
+    g = state_response(model, controller)
     gains = peak_gains(g, model.output_vector, rtol=1e-2)
     kernel = sample_kernel(g, rtol=1e-2)
     if kernel is None:
