@@ -68,7 +68,7 @@ def command_delays_ms(bag):
     return [(time_ns - sent[stamp]) * 1e-6 for stamp, time_ns in answers]
 
 
-@pytest.mark.parametrize('delay_ms', [0.0, 1.0])
+@pytest.mark.parametrize('delay_ms', [1.0])
 def test_in_lockstep_a_delay_costs_time_but_changes_no_bit(
     delay_ms, domain, new_domain, tmp_path, processes
 ):
