@@ -129,14 +129,30 @@ class CdrReader:
         return start
 
     def recall(self, memo: dict[bytes, _T]) -> _T | None:
-        """Step over a run of bytes that was read before; return what it meant, None if unknown."""
+        """Step over a run of bytes that was read before.
+
+        Args:
+            memo: what earlier runs meant, by their bytes (see `remember`).
+
+        Returns:
+            What the run meant, None if no run of `memo` comes next.
+        """
         for section, meaning in memo.items():
             if self.skip_section(section):
                 return meaning
         return None
 
     def remember(self, memo: dict[bytes, _T], start: int, meaning: _T) -> _T:
-        """Keep what the bytes from `start` to here mean, and return it; `memo` stays small."""
+        """Keep what the bytes from `start` to here mean; `memo` stays small.
+
+        Args:
+            memo: where the bytes and their meaning are kept.
+            start: position of the run's first byte.
+            meaning: what the run means.
+
+        Returns:
+            `meaning`.
+        """
         if len(memo) < _MEMO_SIZE:
             memo[bytes(self._buffer[start : self._position])] = meaning
         return meaning
