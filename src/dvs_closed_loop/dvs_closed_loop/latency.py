@@ -12,9 +12,9 @@ import numpy as np
 
 from dvs_closed_loop.bag import RecordedBag, read_bag
 from dvs_interfaces import topics
-from dvs_interfaces.cdr import CdrReader
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray
+from dvs_interfaces.stamped import stamp_of
 
 # A cycle passes these topics in this order; each message begins with the sample's stamp.
 _PATH = (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND)
@@ -77,7 +77,7 @@ def _first_reception(bag: RecordedBag, topic: str) -> dict[int, int]:
     received: dict[int, int] = {}
     for message in bag.messages:
         if message.topic == topic:
-            received.setdefault(CdrReader(message.data).stamp(), message.received_ns)
+            received.setdefault(stamp_of(message.data), message.received_ns)
     return received
 
 

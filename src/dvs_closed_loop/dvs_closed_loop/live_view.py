@@ -14,7 +14,7 @@ import numpy as np
 from dvs_closed_loop.index_watch import IndexWatch
 from dvs_hinf_controller.sector import sector
 from dvs_interfaces import topics
-from dvs_interfaces.cdr import CdrReader, MessageError
+from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.errors import SuiteError
 from dvs_interfaces.events import EventPacket, parse_events
 from dvs_interfaces.messages import (
@@ -26,6 +26,7 @@ from dvs_interfaces.messages import (
 )
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
+from dvs_interfaces.stamped import stamp_of
 
 _SAMPLES_A_FRAME = 12
 _EVENTS_A_FRAME = 400
@@ -167,7 +168,7 @@ class LiveView:
 
     def _follow_time(self, states: list[bytes], packets: list[EventPacket]) -> bool:
         """Move on to the newest stamp; a stamp before the last one begins a new run."""
-        stamps = [CdrReader(message).stamp() for message in (*states[:1], *states[-1:])]
+        stamps = [stamp_of(message) for message in (*states[:1], *states[-1:])]
         stamps += [packet.stamp_ns for packet in (*packets[:1], *packets[-1:])]
         if not stamps:
             return False
@@ -215,7 +216,7 @@ class LiveView:
             pixels = [round(k * (len(y) - 1) / max(count - 1, 1)) for k in range(count)]
             samples.append(
                 [
-                    self._seconds(CdrReader(packet).stamp()),
+                    self._seconds(stamp_of(packet)),
                     _rounded(y[pixels]),
                     _rounded(z[pixels]),
                 ]

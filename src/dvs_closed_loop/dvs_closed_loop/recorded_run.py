@@ -12,8 +12,8 @@ from dvs_closed_loop.index_watch import IndexWatch
 from dvs_closed_loop.streams import STREAMS
 from dvs_closed_loop.trace import Messages, Trace, decode_trace
 from dvs_interfaces import topics
-from dvs_interfaces.cdr import CdrReader
 from dvs_interfaces.events import parse_events
+from dvs_interfaces.stamped import stamp_of
 
 # Streams that have one message for every sample, stamped with its time.
 STAMPED = (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE)
@@ -114,17 +114,6 @@ def examine(bag: RecordedBag) -> RecordedRun:
         from_start=starts == {began} and index.first_index in (None, 0),
         wall_seconds=wall_ns * 1e-9,
     )
-
-
-def stamp_of(message: bytes) -> int:
-    """Stamp of a message that begins with a header, ns.
-
-    Parameters
-    ----------
-    message
-        CDR bytes.
-    """
-    return CdrReader(message).stamp()
 
 
 def _last_run(bag: RecordedBag) -> tuple[dict[str, list[RecordedMessage]], int]:

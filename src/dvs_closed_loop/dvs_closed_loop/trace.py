@@ -108,7 +108,7 @@ def decode_trace(messages: Messages) -> Trace:
         commands=np.array([command.values for command in commands]),
         events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
         event_times_s=_seconds(np.concatenate(event_times_ns)),
-        width=frames[start_ns].width,
+        width=frames[start_ns].format.width,
     )
 
 

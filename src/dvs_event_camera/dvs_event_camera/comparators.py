@@ -105,11 +105,16 @@ class NumpyComparator:
         levels -= self._origin[tile]
         levels /= self._step
         previous = self._previous[tile]
-        self.invalid += hold_invalid(levels, previous)
-        events = self._crossings(previous, levels, first_pixel)
+        if not self._is_quiet(levels, self._counts[tile]):
+            self.invalid += hold_invalid(levels, previous)
+            events = self._crossings(previous, levels, first_pixel)
+            if events.elapsed.size:
+                self._parts.append(events)
         previous[:] = levels
-        if events.elapsed.size:
-            self._parts.append(events)
+
+    def _is_quiet(self, levels: FloatArray, counts: CountArray) -> bool:
+        """Whether all levels are valid and none has moved by a threshold."""
+        return bool(np.maximum.reduce(np.abs(levels - counts)) < 1.0)
 
     def _crossings(self, previous: FloatArray, current: FloatArray, first_pixel: int) -> RawEvents:
         return linear_crossings(

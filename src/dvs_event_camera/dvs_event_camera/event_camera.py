@@ -20,7 +20,7 @@ from dvs_event_camera.photoreceptor import (
 )
 from dvs_event_camera.pixel_array import PixelArray
 from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.events import LONGEST_INTERVAL_NS, EventPacket
+from dvs_interfaces.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
 
@@ -154,17 +154,32 @@ class EventCamera:
         ParameterError
             If the frame starts the sensor and violates (A1).
         """
+        pixels = self._pixels
+        if pixels is None or self._restart_reason(frame):
+            return self._start(frame)
+        if frame.stamp_ns == pixels.stamp_ns:
+            return None
+        events = pixels.update(frame.stamp_ns, frame.pixels)
+        return Exposure(
+            packets=self._packets(frame.stamp_ns, events),
+            events=events,
+            started=False,
+            restart_reason='',
+        )
+
+    def _start(self, frame: LuminosityFrame) -> Exposure:
         reason = self._restart_reason(frame)
-        if self._pixels is not None and not reason:
-            if frame.stamp_ns == self._pixels.stamp_ns:
-                return None
-            events = self._pixels.update(frame.stamp_ns, frame.pixels)
-            return self._exposure(frame.stamp_ns, events, started=False, reason='')
         pixels = self._make_pixels(frame.pixels.reshape(-1).astype(np.float64), frame.darkest)
         pixels.update(frame.stamp_ns, frame.pixels)
         self._invalid_before = self.invalid_samples
         self._pixels, self._shape = pixels, frame.pixels.shape
-        return self._exposure(frame.stamp_ns, PixelEvents.empty(), started=True, reason=reason)
+        events = PixelEvents.empty()
+        return Exposure(
+            packets=self._packets(frame.stamp_ns, events),
+            events=events,
+            started=True,
+            restart_reason=reason,
+        )
 
     def _restart_reason(self, frame: LuminosityFrame) -> str:
         if self._pixels is None or self._pixels.stamp_ns is None:
@@ -179,18 +194,15 @@ class EventCamera:
             )
         return ''
 
-    def _exposure(
-        self, stamp_ns: int, events: PixelEvents, *, started: bool, reason: str
-    ) -> Exposure:
-        packets = []
-        begin = 0
-        if len(events) and stamp_ns - int(events.t[0]) > _PACKET_SPAN_NS:
-            begin = int(np.searchsorted(events.t, stamp_ns - _PACKET_SPAN_NS))
-            packets = self._earlier_packets(stamp_ns, events.take(slice(0, begin)))
-        last = events.take(slice(begin, None)) if begin else events
-        packets.append(self._packet(stamp_ns, last))
-        return Exposure(
-            packets=tuple(packets), events=events, started=started, restart_reason=reason
+    def _packets(self, stamp_ns: int, events: PixelEvents) -> tuple[EventPacket, ...]:
+        if not len(events):
+            return (EventPacket(stamp_ns=stamp_ns, events=NO_EVENTS),)
+        if stamp_ns - int(events.t[0]) <= _PACKET_SPAN_NS:
+            return (self._packet(stamp_ns, events),)
+        begin = int(np.searchsorted(events.t, stamp_ns - _PACKET_SPAN_NS))
+        return (
+            *self._earlier_packets(stamp_ns, events.take(slice(0, begin))),
+            self._packet(stamp_ns, events.take(slice(begin, None))),
         )
 
     def _earlier_packets(self, stamp_ns: int, events: PixelEvents) -> list[EventPacket]:

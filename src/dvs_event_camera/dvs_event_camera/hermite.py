@@ -41,6 +41,14 @@ class HermiteComparator(NumpyComparator):
         super().begin(start_ns, duration_ns)
         self._durations = [duration_ns, *self._durations[:2]]
 
+    def fire(self, levels: FloatArray, first_pixel: int) -> None:
+        """Compare a tile; see `comparators.Comparator.fire`."""
+        tile = slice(first_pixel, first_pixel + levels.size)
+        previous = self._previous[tile].copy()
+        super().fire(levels, first_pixel)
+        self._oldest[tile] = self._older[tile]
+        self._older[tile] = previous
+
     def _crossings(self, previous: FloatArray, current: FloatArray, first_pixel: int) -> RawEvents:
         tile = slice(first_pixel, first_pixel + current.size)
         counts, older, oldest = self._counts[tile], self._older[tile], self._oldest[tile]
@@ -64,8 +72,6 @@ class HermiteComparator(NumpyComparator):
                 polarity,
                 np.ones(owner.size, np.int8),
             )
-        oldest[:] = older
-        older[:] = previous
         return events
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import io
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_interfaces.cdr import CdrReader, MessageError
-from dvs_interfaces.messages import ImageFrame
+from dvs_interfaces.messages import ImageFormat, ImageFrame
 
 # Luma of ITU-R BT.601, which is what mono8 cameras and OpenCV call grey.
 _LUMA = {'r': 0.299, 'g': 0.587, 'b': 0.114, 'a': 0.0}
@@ -61,28 +62,58 @@ def luminosity_of(frame: ImageFrame) -> LuminosityFrame:
     MessageError
         If the encoding is another one, or the rows are too short for it.
     """
-    scalar = _SCALARS.get(frame.encoding)
-    channels = _COLOURS.get(frame.encoding)
-    if scalar is None and channels is None:
-        raise MessageError(
-            f'encoding {frame.encoding!r} of the luminosity is not one of {", ".join(ENCODINGS)}'
-        )
-    order = '>' if frame.big_endian else '<'
-    dtype = np.dtype('u1' if scalar is None else order + scalar)
-    depth = 1 if channels is None else len(channels)
-    row_bytes = frame.width * dtype.itemsize * depth
-    if not frame.height or not frame.width or frame.step < row_bytes:
-        raise MessageError(
-            f'{frame.height} x {frame.width} pixels of {frame.encoding} do not fit rows of '
-            f'{frame.step} bytes'
-        )
-    octets = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)
-    pixels = np.ascontiguousarray(octets[:, :row_bytes]).view(dtype)
-    if channels is not None:
-        pixels = luma(pixels.reshape(frame.height, frame.width, depth), channels)
+    reading = _reading_of(frame.format)
     return LuminosityFrame(
-        stamp_ns=frame.stamp_ns,
-        pixels=pixels,
+        stamp_ns=frame.stamp_ns, pixels=reading.pixels(frame.data), darkest=reading.darkest
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """How the bytes of one image format become numbers."""
+
+    dtype: np.dtype[Any]
+    height: int
+    row_bytes: int
+    used_bytes: int
+    width: int
+    channels: str
+    darkest: float
+
+    def pixels(self, data: memoryview) -> NDArray[Any]:
+        """Luminosity, shape (height, width)."""
+        if self.row_bytes == self.used_bytes and not self.channels:
+            return np.frombuffer(data, self.dtype).reshape(self.height, self.width)
+        octets = np.frombuffer(data, np.uint8).reshape(self.height, self.row_bytes)
+        pixels = np.ascontiguousarray(octets[:, : self.used_bytes]).view(self.dtype)
+        if not self.channels:
+            return pixels
+        return luma(pixels.reshape(self.height, self.width, -1), self.channels)
+
+
+@functools.lru_cache(maxsize=8)
+def _reading_of(form: ImageFormat) -> _Reading:
+    scalar = _SCALARS.get(form.encoding)
+    channels = _COLOURS.get(form.encoding, '')
+    if scalar is None and not channels:
+        raise MessageError(
+            f'encoding {form.encoding!r} of the luminosity is not one of {", ".join(ENCODINGS)}'
+        )
+    order = '>' if form.big_endian else '<'
+    dtype = np.dtype('u1' if scalar is None else order + scalar)
+    used_bytes = form.width * dtype.itemsize * max(1, len(channels))
+    if not form.height or not form.width or form.step < used_bytes:
+        raise MessageError(
+            f'{form.height} x {form.width} pixels of {form.encoding} do not fit rows of '
+            f'{form.step} bytes'
+        )
+    return _Reading(
+        dtype=dtype,
+        height=form.height,
+        row_bytes=form.step,
+        used_bytes=used_bytes,
+        width=form.width,
+        channels=channels,
         darkest=0.0 if scalar in ('f8', 'f4') else _DARKEST_INTEGER,
     )
 

@@ -22,6 +22,7 @@ from dvs_event_camera.references import (
     threshold_step,
 )
 from dvs_event_camera.signed_crossings import SignedComparator
+from dvs_event_camera.silent_band import LARGEST_ARRAY, SilentBand
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
 
@@ -99,6 +100,7 @@ class PixelArray:
         self._seed = seed
         self._backend = backend
         self._stamp_ns: int | None = None
+        self._silent_frame: list[float] | None = None
         self._comparator: Comparator
 
     @property
@@ -163,6 +165,7 @@ class PixelArray:
         """
         self.require_changeable_threshold()
         step = threshold_step(event_threshold, self._log_base)
+        self._catch_up()
         comparator = self._comparator
         assert isinstance(comparator, NumpyComparator)
         origin = self.reference_levels
@@ -171,6 +174,7 @@ class PixelArray:
         self._invalid_before += comparator.invalid
         self._origin, self._step = origin, step
         self._comparator = ideal_comparator(self._backend, origin + position * step, origin, step)
+        self._band = self._silent_band()
 
     def update(self, stamp_ns: int, luminosity: ArrayLike) -> PixelEvents:
         """Take the next sample and return the events since the last one.
@@ -198,26 +202,62 @@ class PixelArray:
         sample = np.asarray(luminosity).reshape(-1)
         if self._stamp_ns is None:
             self._start(sample.astype(np.float64))
-            self._first_ns = self._stamp_ns = stamp_ns
+            self._first_ns = self._exposed_ns = self._stamp_ns = stamp_ns
             return PixelEvents.empty()
         if sample.size != self._origin.size:
             raise ParameterError(
                 'luminosity', sample.size, f'must have {self._origin.size} entries, as before'
             )
-        duration_ns = stamp_ns - self._stamp_ns
-        if duration_ns <= 0:
+        if stamp_ns <= self._stamp_ns:
             raise ParameterError(
                 'stamp_ns', stamp_ns, f'must be later than the last, {self._stamp_ns}'
             )
-        events = self._events_until(stamp_ns, sample, duration_ns)
+        if self._band is None:
+            events = self._expose(stamp_ns, sample)
+        else:
+            events = self._expose_small(self._band, stamp_ns, sample)
         self._stamp_ns = stamp_ns
         return events
 
-    def _events_until(
-        self, stamp_ns: int, sample: NDArray[np.generic], duration_ns: int
+    def _expose_small(
+        self, band: SilentBand, stamp_ns: int, sample: NDArray[np.generic]
     ) -> PixelEvents:
+        """Expose the pixels, but leave a frame in the silent band for later."""
+        luminosity = sample.tolist()
+        if band.holds(luminosity):
+            self._silent_frame = luminosity
+            return PixelEvents.empty()
+        self._catch_up()
+        events = self._expose(stamp_ns, sample)
+        self._band = self._silent_band()
+        return events
+
+    def _catch_up(self) -> None:
+        """Let the comparators see the last silent frame."""
+        if self._silent_frame is not None:
+            assert self._stamp_ns is not None
+            self._expose(self._stamp_ns, np.array(self._silent_frame))
+            self._silent_frame = None
+
+    def _silent_band(self) -> SilentBand | None:
+        """Where these pixels are silent; None if they are many or not the ideal ones."""
+        ideal = (
+            type(self._comparator) is NumpyComparator
+            and isinstance(self._receptor, LogPhotoreceptor)
+            and self._labels is None
+            and self._delay is None
+            and not self._stages
+        )
+        if not ideal or self._origin.size > LARGEST_ARRAY:
+            return None
+        return SilentBand(self.reference_levels, self._step)
+
+    def _expose(self, stamp_ns: int, sample: NDArray[np.generic]) -> PixelEvents:
+        """Events since the frame that the comparators saw last."""
+        duration_ns = stamp_ns - self._exposed_ns
         elapsed_ns = stamp_ns - self._first_ns
-        self._comparator.begin(stamp_ns - duration_ns, duration_ns)
+        self._comparator.begin(self._exposed_ns, duration_ns)
+        self._exposed_ns = stamp_ns
         for first in range(0, sample.size, _TILE):
             levels = self._tile_levels(sample[first : first + _TILE])
             for stage in self._stages:
@@ -240,6 +280,7 @@ class PixelArray:
         self._origin = reference_levels(self._receptor, references)
         self._build(sample)
         self._scratch = np.empty(min(_TILE, sample.size))
+        self._band = self._silent_band()
 
     def _check_modes(self) -> None:
         if self._interpolation not in ('linear_log', 'hermite'):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,7 @@ class PixelEvents:
         return int(self.t.size)
 
     @classmethod
+    @functools.cache
     def empty(cls) -> PixelEvents:
         """No events."""
         return cls(

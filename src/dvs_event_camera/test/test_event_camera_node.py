@@ -69,7 +69,7 @@ def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
     assert np.all(np.abs(change - net * 0.1) < 0.1 + 1e-9)
     frames = [parse_image(bytes(message)) for message in keyframes]
     assert [frame.stamp_ns for frame in frames[:3]] == [0, 5 * MS, 10 * MS]
-    assert frames[0].encoding == '32SC1'
+    assert frames[0].format.encoding == '32SC1'
     until = np.concatenate([packet.events for packet in packets[:11]])
     sums = np.zeros((2, 3), int)
     np.add.at(sums, (until['y'], until['x']), until['polarity'])
@@ -101,7 +101,7 @@ def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(grap
 
     graph.turn_until(lambda: len(pictures) > 3 and sums and packets and labels, act=brighter)
     picture = parse_image(bytes(pictures[-1]))
-    assert (picture.encoding, picture.height, picture.width) == ('bgr8', 4, 5)
+    assert (picture.format.encoding, picture.format.height, picture.format.width) == ('bgr8', 4, 5)
     lit = np.frombuffer(picture.data, np.uint8).reshape(4, 5, 3)
     assert np.argwhere(np.ptp(lit.astype(int), axis=2) > 60).tolist() == [[1, 2]]
     assert [dim.size for dim in sums[-1].layout.dim] == [4, 5]

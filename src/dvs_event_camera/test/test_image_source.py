@@ -7,7 +7,7 @@ import pytest
 
 from dvs_event_camera.image_source import decode_picture, luminosity_of, parse_compressed
 from dvs_interfaces.cdr import CdrWriter, MessageError
-from dvs_interfaces.messages import ImageFrame, pack_image, parse_image
+from dvs_interfaces.messages import ImageFormat, ImageFrame, pack_image, parse_image
 
 PIXELS = np.array([[1, 2, 3], [250, 0, 7]])
 
@@ -36,7 +36,6 @@ def test_colours_become_luma(encoding):
 
 def image_frame(data, **changes):
     fields = {
-        'stamp_ns': 0,
         'height': 2,
         'width': 3,
         'encoding': 'mono16',
@@ -44,7 +43,7 @@ def image_frame(data, **changes):
         'step': 6,
         **changes,
     }
-    return ImageFrame(data=memoryview(data), **fields)
+    return ImageFrame(stamp_ns=0, format=ImageFormat(**fields), data=memoryview(data))
 
 
 def test_big_endian_and_padded_rows():

@@ -40,6 +40,20 @@ class PacketReport:
     resynchronised_pixels: int | None = None
 
 
+_NOTHING_NOTICED = PacketReport()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ahead:
+    """What a step of silence leads to, worked out before it is known to be one."""
+
+    duration_ns: int
+    before: FloatArray
+    deviation: float
+    state: FloatArray
+    command: FloatArray
+
+
 class EventController:
     """Estimator (paper, eqs. 12, 13) and K, fed by packets.
 
@@ -79,6 +93,7 @@ class EventController:
         self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
         self._mean_target = float(problem.set_point_luminosity.mean())
         self._feedforward = problem.equilibrium.feedforward
+        self._ahead: _Ahead | None = None
 
     def _reset(self) -> None:
         self._estimator = Estimator(
@@ -88,6 +103,7 @@ class EventController:
         )
         self._synchroniser = Synchroniser()
         self._stamp_ns: int | None = None
+        self._duration_ns = 0
         self._threshold_change: tuple[int, float] | None = None
         self._state = np.zeros(self._controller.order)
         self._deviation = self._mean_deviation()
@@ -159,10 +175,27 @@ class EventController:
     @property
     def command(self) -> FloatArray:
         """``u_o = Cc xc + Dc e - B^+ A x_d`` within the limits, shape (m,)."""
+        ahead = self._ahead
+        if ahead is not None and ahead.state is self._state and ahead.deviation == self._deviation:
+            return ahead.command
+        return self._command_of(self._state)
+
+    def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
-        command = k.output_matrix @ self._state + k.feedthrough * self._deviation
+        command = k.output_matrix @ state + k.feedthrough * self._deviation
         command = command + self._feedforward
         return command if self._limit is None else np.clip(command, -self._limit, self._limit)
+
+    def look_ahead(self) -> None:
+        """Work out, while there is time, the answer to a next packet that is as long and empty."""
+        state = self._held(self._duration_ns)
+        self._ahead = _Ahead(
+            duration_ns=self._duration_ns,
+            before=self._state,
+            deviation=self._deviation,
+            state=state,
+            command=self._command_of(state),
+        )
 
     def take(self, packet: EventPacket) -> PacketReport:
         """Advance to the packet's stamp through all of its events.
@@ -187,30 +220,53 @@ class EventController:
             If an event lies outside of the pixel array or after the packet's stamp, events are not
             in order, or a polarity or sign is not +1 or -1; nothing has changed then.
         """
-        self._check(packet)
+        events = packet.events
+        if len(events):
+            self._check(packet)
         restarted = self._stamp_ns is not None and packet.stamp_ns < self._stamp_ns
         if restarted:
             self._event_threshold = self._latest_threshold()
             self._reset()
             self._synchroniser.accept_any_index()
-        self._change_threshold_before(packet.stamp_ns)
-        duration_ns = 0 if self._stamp_ns is None else packet.stamp_ns - self._stamp_ns
+        if self._threshold_change is not None:
+            self._change_threshold_before(packet.stamp_ns)
+        self._duration_ns = 0 if self._stamp_ns is None else packet.stamp_ns - self._stamp_ns
         self._stamp_ns = packet.stamp_ns
+        lost = self._count(packet) if len(events) else self._keep_still(packet.stamp_ns)
+        resynchronised = self._resynchronise()
+        if not restarted and not lost and resynchronised is None:
+            return _NOTHING_NOTICED
+        return PacketReport(
+            lost_events=lost, restarted=restarted, resynchronised_pixels=resynchronised
+        )
+
+    def _keep_still(self, stamp_ns: int) -> int:
+        """Pass an interval without events; nothing can be missing before it."""
+        self._synchroniser.note_silence(stamp_ns)
+        ahead = self._ahead
+        if (
+            ahead is not None
+            and ahead.before is self._state
+            and ahead.deviation == self._deviation
+            and ahead.duration_ns == self._duration_ns
+        ):
+            self._state = ahead.state
+        else:
+            self._state = self._held(self._duration_ns)
+        return 0
+
+    def _count(self, packet: EventPacket) -> int:
+        """Pass an interval through its events; return how many are missing before it."""
         events = packet.events
         pixels = events['y'].astype(np.intp) * self._problem.scene.width + events['x']
         polarities, signs = events['polarity'], events['sign']
         lost = self._synchroniser.note(packet.stamp_ns, events['index'], pixels, polarities, signs)
-        if len(events) == 0:
-            self._hold(duration_ns)
-        else:
-            jumps = self._estimator.apply(pixels, polarities, signs)
-            self._hold(duration_ns)
-            ages_ns = np.minimum(-events['t'].astype(np.int64), duration_ns)
-            self._state = self._state + jumps @ self._response.response(ages_ns * _NANOSECOND_S)
-            self._deviation = self._mean_deviation()
-        return PacketReport(
-            lost_events=lost, restarted=restarted, resynchronised_pixels=self._resynchronise()
-        )
+        jumps = self._estimator.apply(pixels, polarities, signs)
+        ages_ns = np.minimum(-events['t'].astype(np.int64), self._duration_ns)
+        responses = self._response.response(ages_ns * _NANOSECOND_S)
+        self._state = self._held(self._duration_ns) + jumps @ responses
+        self._deviation = self._mean_deviation()
+        return lost
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
         """Verify the counts by a keyframe, or put them right; one of the future waits its turn.
@@ -259,8 +315,6 @@ class EventController:
 
     def _check(self, packet: EventPacket) -> None:
         events = packet.events
-        if len(events) == 0:
-            return
         scene = self._problem.scene
         if int(events['x'].max()) >= scene.width or int(events['y'].max()) >= scene.height:
             raise MessageError(
@@ -272,10 +326,10 @@ class EventController:
         if np.any(np.abs(events['polarity']) != 1) or np.any(np.abs(events['sign']) != 1):
             raise MessageError('polarity and sign must be +1 or -1')
 
-    def _hold(self, duration_ns: int) -> None:
-        """Advance K with the estimate held at its last value."""
+    def _held(self, duration_ns: int) -> FloatArray:
+        """State of K after a time in which the estimate holds its last value."""
         if duration_ns == 0:
-            return
+            return self._state
         step = self._steps.get(duration_ns)
         if step is None:
             duration_s = duration_ns * _NANOSECOND_S
@@ -286,4 +340,4 @@ class EventController:
             if len(self._steps) < _KEPT_STEPS:
                 self._steps[duration_ns] = step
         transition, gain = step
-        self._state = transition @ self._state + gain * self._deviation
+        return transition @ self._state + gain * self._deviation

@@ -129,6 +129,7 @@ class HinfControllerNode(ManagedNode):
             self._events += len(packet.events)
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         self._say(report, packet.stamp_ns)
+        self._controller.look_ahead()
 
     def _publish_command(self, stamp_ns: int, values: np.ndarray) -> None:
         command = Vector(stamp_ns=stamp_ns, names=self._names, values=values)

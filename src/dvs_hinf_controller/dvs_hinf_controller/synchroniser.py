@@ -16,6 +16,10 @@ from dvs_interfaces.keyframe import Keyframe
 _MEMORY = 1000
 
 
+_NO_PIXELS = np.empty(0, np.intp)
+_NO_SIGNS = np.empty(0, np.int8)
+
+
 class Synchrony(Enum):
     """How far the estimator's counts can be trusted."""
 
@@ -51,7 +55,7 @@ class Synchroniser:
         polarities: NDArray[np.int8],
         signs: NDArray[np.int8],
     ) -> int:
-        """Remember a packet; return how many events are missing before it.
+        """Remember a packet of events; return how many are missing before it.
 
         Parameters
         ----------
@@ -67,16 +71,26 @@ class Synchroniser:
             Signs of the references, shape (E,).
         """
         lost = 0
-        if len(indices):
-            if self._next_index is not None:
-                lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
-            self._next_index = (int(indices[-1]) + 1) % INDEX_MODULUS
+        if self._next_index is not None:
+            lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
+        self._next_index = (int(indices[-1]) + 1) % INDEX_MODULUS
         if lost:
             self.state = Synchrony.LOST
             self._recent.clear()
         if self.state is not Synchrony.EXACT:
             self._recent.append(_Counted(stamp_ns, pixels, polarities, signs))
         return lost
+
+    def note_silence(self, stamp_ns: int) -> None:
+        """Remember a packet without events.
+
+        Parameters
+        ----------
+        stamp_ns
+            Stamp of the packet, ns.
+        """
+        if self.state is not Synchrony.EXACT:
+            self._recent.append(_Counted(stamp_ns, _NO_PIXELS, _NO_SIGNS, _NO_SIGNS))
 
     def accept_any_index(self) -> None:
         """Take the next index as it comes: a sensor that starts again may go on counting."""

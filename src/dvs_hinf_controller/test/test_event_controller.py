@@ -459,3 +459,51 @@ def test_another_set_point_keeps_what_is_known_of_the_pixels():
     # c'x_d grows by 0.2, the feedforward -A x_d by (-0.2, 0).
     change = -0.2 * CONTROLLERS['stable'].feedthrough + [-0.2, 0]
     np.testing.assert_allclose(found.command, before.command + change, rtol=1e-12)
+
+
+packets = st.lists(
+    st.tuples(
+        st.sampled_from([MS, MS, MS, 2 * MS, 0]),
+        st.lists(
+            st.tuples(
+                st.integers(-MS, 0),
+                st.integers(0, PIXELS - 1),
+                st.sampled_from([1, -1]),
+                st.just(1),
+            ),
+            max_size=2,
+        ),
+        st.sampled_from(['', '', '', 'keyframe', 'redirect', 'threshold', 'back']),
+    ),
+    max_size=15,
+)
+
+
+@given(packets)
+def test_looking_ahead_changes_no_bit(sequence):
+    """The same packets, keyframes, thresholds and set-points to one that looks ahead or not."""
+    plain, ahead = running(), running()
+    stamp_ns, index = 0, 0
+    for duration_ns, rows, happening in sequence:
+        stamp_ns = 0 if happening == 'back' else stamp_ns + duration_ns
+        for controller in (plain, ahead):
+            if happening == 'keyframe':
+                controller.take_keyframe(
+                    Keyframe(
+                        stamp_ns=stamp_ns,
+                        counts=np.arange(PIXELS),
+                        signs=np.ones(PIXELS, np.int8),
+                    )
+                )
+            elif happening == 'redirect':
+                further = dataclasses.replace(
+                    PROBLEM, equilibrium=PROBLEM.model.equilibrium([0.3, 0.2], tolerance=1e-9)
+                )
+                controller.redirect(further, CONTROLLERS['stable'])
+            elif happening == 'threshold':
+                controller.announce_threshold(stamp_ns, 0.5 * H)
+            controller.take(packet(stamp_ns, rows, index))
+        assert ahead.command.tobytes() == plain.command.tobytes()
+        assert ahead.estimate.tobytes() == plain.estimate.tobytes()
+        ahead.look_ahead()
+        index += len(rows)

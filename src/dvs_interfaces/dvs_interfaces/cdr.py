@@ -8,19 +8,18 @@ rclpy.
 from __future__ import annotations
 
 import struct
-from typing import TypeVar
 
 import numpy as np
 
 from dvs_interfaces.model import FloatArray
 
-_LITTLE_ENDIAN_HEADER = b'\x00\x01\x00\x00'
+# Plain CDR, little-endian.
+ENCAPSULATION = b'\x00\x01\x00\x00'
+NANOSECONDS = 1_000_000_000
+
 _U32 = struct.Struct('<I')
-_T = TypeVar('_T')
-_MEMO_SIZE = 4
 _U64 = struct.Struct('<Q')
 _STAMP = struct.Struct('<iI')
-_NANOSECONDS = 1_000_000_000
 
 
 class MessageError(ValueError):
@@ -33,11 +32,7 @@ class CdrWriter:
     __slots__ = ('_buffer',)
 
     def __init__(self) -> None:
-        self._buffer = bytearray(_LITTLE_ENDIAN_HEADER)
-
-    def section(self, octets: bytes) -> None:
-        """Append `octets`, written before at the same offset."""
-        self._buffer += octets
+        self._buffer = bytearray(ENCAPSULATION)
 
     @property
     def size(self) -> int:
@@ -65,7 +60,7 @@ class CdrWriter:
     def stamp(self, nanoseconds: int) -> None:
         """Append `nanoseconds` as a builtin_interfaces/Time."""
         self.align(4)
-        self._buffer += _STAMP.pack(*divmod(nanoseconds, _NANOSECONDS))
+        self._buffer += _STAMP.pack(*divmod(nanoseconds, NANOSECONDS))
 
     def text(self, value: str) -> None:
         """Append `value` as a string."""
@@ -114,12 +109,17 @@ class CdrReader:
     __slots__ = ('_buffer', '_position')
 
     def __init__(self, message: bytes) -> None:
-        if message[:2] != _LITTLE_ENDIAN_HEADER[:2]:
+        if message[:2] != ENCAPSULATION[:2]:
             raise MessageError(
                 f'CDR encapsulation {bytes(message[:2]).hex()} is not plain little-endian (0001)'
             )
         self._buffer = memoryview(message)
         self._position = 4
+
+    @property
+    def position(self) -> int:
+        """Where the next field begins, its padding not counted."""
+        return self._position
 
     def _take(self, size: int, alignment: int) -> int:
         start = self._position + -(self._position - 4) % alignment
@@ -127,43 +127,6 @@ class CdrReader:
             raise MessageError(f'message ends {start + size - len(self._buffer)} bytes too early')
         self._position = start + size
         return start
-
-    def recall(self, memo: dict[bytes, _T]) -> _T | None:
-        """Step over a run of bytes that was read before.
-
-        Args:
-            memo: what earlier runs meant, by their bytes (see `remember`).
-
-        Returns:
-            What the run meant, None if no run of `memo` comes next.
-        """
-        for section, meaning in memo.items():
-            if self.skip_section(section):
-                return meaning
-        return None
-
-    def remember(self, memo: dict[bytes, _T], start: int, meaning: _T) -> _T:
-        """Keep what the bytes from `start` to here mean; `memo` stays small.
-
-        Args:
-            memo: where the bytes and their meaning are kept.
-            start: position of the run's first byte.
-            meaning: what the run means.
-
-        Returns:
-            `meaning`.
-        """
-        if len(memo) < _MEMO_SIZE:
-            memo[bytes(self._buffer[start : self._position])] = meaning
-        return meaning
-
-    def skip_section(self, octets: bytes) -> bool:
-        """Step over `octets` if they are what comes next; tell whether they are."""
-        end = self._position + len(octets)
-        if self._buffer[self._position : end] != octets:
-            return False
-        self._position = end
-        return True
 
     def u8(self) -> int:
         """Read a byte."""
@@ -186,7 +149,7 @@ class CdrReader:
     def stamp(self) -> int:
         """Read a builtin_interfaces/Time as nanoseconds."""
         seconds, nanoseconds = _STAMP.unpack_from(self._buffer, self._take(8, 4))
-        return int(seconds) * _NANOSECONDS + int(nanoseconds)
+        return int(seconds) * NANOSECONDS + int(nanoseconds)
 
     def text(self) -> str:
         """Read a string."""

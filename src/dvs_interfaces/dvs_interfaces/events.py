@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_interfaces.cdr import CdrReader, CdrWriter, MessageError
+from dvs_interfaces.stamped import BODY, stamp_of, stamped
 
 EVENT_DTYPE = np.dtype(
     {
@@ -31,6 +32,7 @@ LABELLED_EVENT_DTYPE = np.dtype(
         'itemsize': 16,
     }
 )
+NO_EVENTS: NDArray[np.void] = np.empty(0, EVENT_DTYPE)
 FRAME_ID = 'pixels'
 INDEX_MODULUS = 2**32
 LONGEST_INTERVAL_NS = 2**31 - 1
@@ -48,8 +50,8 @@ _FIELDS = (
 _LABEL_FIELD = ('noise', 14, _UINT8)
 # is_dense, filled up to a multiple of four bytes.
 _TAIL = b'\x01\0\0\0'
-_STAMP_AT, _AFTER_STAMP = 4, 12
-_NANOSECONDS = 1_000_000_000
+_U32 = struct.Struct('<I')
+_TWO_U32 = struct.Struct('<II')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +104,7 @@ def make_events(
     """
     count = len(times_ns)
     if count == 0:
-        return np.empty(0, EVENT_DTYPE)
+        return NO_EVENTS
     words = np.empty((count, 2), dtype='<u8')
     row, column = np.divmod(pixels.astype(np.uint64), np.uint64(width))
     relative = (times_ns - stamp_ns).astype(np.int32).view(np.uint32).astype(np.uint64)
@@ -121,34 +123,33 @@ def pack_events(packet: EventPacket) -> bytes:
     packet
         Events to publish.
     """
-    data = np.ascontiguousarray(packet.events)
-    layout = _layout(data.dtype == LABELLED_EVENT_DTYPE)
-    size = len(data) * EVENT_DTYPE.itemsize
-    head = bytearray(layout.head)
-    struct.pack_into('<iI', head, _STAMP_AT, *divmod(packet.stamp_ns, _NANOSECONDS))
-    struct.pack_into('<I', head, layout.count_at, len(data))
-    struct.pack_into('<II', head, layout.size_at, size, size)
-    # One copy of the events, not one into a buffer that grows and one out of it.
-    return b''.join((head, data.view(np.uint8).data, _TAIL))
+    events = packet.events
+    layout = _layout(events.dtype == LABELLED_EVENT_DTYPE)
+    count = len(events)
+    if not count:
+        return stamped(packet.stamp_ns, layout.no_events)
+    size = count * EVENT_DTYPE.itemsize
+    return stamped(
+        packet.stamp_ns,
+        layout.before_count,
+        _U32.pack(count),
+        layout.after_count,
+        _TWO_U32.pack(size, size),
+        np.ascontiguousarray(events).view(np.uint8).data,
+        _TAIL,
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """The bytes before the events, the same for all packets, and where they are not."""
+    """The bytes that are the same in all packets: between stamp, count, size and events."""
 
-    head: bytes
+    before_count: bytes
+    after_count: bytes
     count_at: int
-    size_at: int
-
-    @property
-    def before_count(self) -> bytes:
-        """Bytes between the stamp and the number of events."""
-        return self.head[_AFTER_STAMP : self.count_at]
-
-    @property
-    def after_count(self) -> bytes:
-        """Bytes between the number of events and the size of their data."""
-        return self.head[self.count_at + 4 : self.size_at]
+    events_at: int
+    # All that follows the stamp of a packet without events.
+    no_events: bytes
 
 
 @functools.cache
@@ -171,7 +172,14 @@ def _layout(labelled: bool) -> _Layout:
     size_at = writer.size
     writer.u32(0)
     writer.u32(0)
-    return _Layout(writer.finish(), count_at, size_at)
+    head = writer.finish()
+    return _Layout(
+        before_count=head[BODY:count_at],
+        after_count=head[count_at + 4 : size_at],
+        count_at=count_at,
+        events_at=len(head),
+        no_events=head[BODY:] + _TAIL,
+    )
 
 
 def parse_events(message: bytes) -> EventPacket:
@@ -187,25 +195,45 @@ def parse_events(message: bytes) -> EventPacket:
     MessageError
         If the layout is not the one of the wire contract, or the message is cut short.
     """
-    reader = CdrReader(message)
-    stamp_ns = reader.stamp()
-    ours = _layout(False)
-    dtype, count = EVENT_DTYPE, 0
-    if reader.skip_section(ours.before_count):
-        count = reader.u32()
-        known = reader.skip_section(ours.after_count)
+    stamp_ns = stamp_of(message)
+    layout = _layout(False)
+    if message.startswith(layout.no_events, BODY):
+        events = NO_EVENTS
+    elif _is_ours(message, layout):
+        (count,) = _U32.unpack_from(message, layout.count_at)
+        events = np.frombuffer(message, EVENT_DTYPE, count, layout.events_at)
     else:
-        reader.text()
-        count = reader.u32() * reader.u32()
-        known = False
-    if not known:
-        dtype = _parse_layout(reader)
+        events = _parse_any(message)
+    return EventPacket(stamp_ns=stamp_ns, events=events)
+
+
+def _is_ours(message: bytes, layout: _Layout) -> bool:
+    """Whether a message is whole and laid out as `pack_events` does it."""
+    if len(message) <= layout.events_at:
+        return False
+    (count,) = _U32.unpack_from(message, layout.count_at)
+    _, size = _TWO_U32.unpack_from(message, layout.events_at - _TWO_U32.size)
+    return bool(
+        message.startswith(layout.before_count, BODY)
+        and message.startswith(layout.after_count, layout.count_at + 4)
+        and size == count * EVENT_DTYPE.itemsize
+        and len(message) > layout.events_at + size
+    )
+
+
+def _parse_any(message: bytes) -> NDArray[np.void]:
+    """Events of a packet whatever its writer."""
+    reader = CdrReader(message)
+    reader.stamp()
+    reader.text()
+    count = reader.u32() * reader.u32()
+    dtype = _parse_layout(reader)
     reader.u32()
     data = reader.octets()
     reader.u8()
     if len(data) != count * EVENT_DTYPE.itemsize:
         raise MessageError(f'{count} events do not fit {len(data)} bytes of data')
-    return EventPacket(stamp_ns=stamp_ns, events=np.frombuffer(data, dtype=dtype))
+    return np.frombuffer(data, dtype=dtype)
 
 
 def _parse_layout(reader: CdrReader) -> np.dtype[np.void]:

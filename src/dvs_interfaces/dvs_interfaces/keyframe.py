@@ -66,10 +66,11 @@ def parse_keyframe(message: bytes) -> Keyframe:
         is cut short.
     """
     frame = parse_image(message)
-    channels = {'32SC1': 1, '32SC2': 2}.get(frame.encoding, 0)
-    if not channels or frame.big_endian or frame.step != 4 * channels * frame.width:
+    form = frame.format
+    channels = {'32SC1': 1, '32SC2': 2}.get(form.encoding, 0)
+    if not channels or form.big_endian or form.step != 4 * channels * form.width:
         raise MessageError(
-            f'keyframe must be little-endian 32SC1 or 32SC2 with packed rows, is {frame.encoding}'
+            f'keyframe must be little-endian 32SC1 or 32SC2 with packed rows, is {form.encoding}'
         )
     pixels = np.frombuffer(frame.data, dtype='<i4').reshape(-1, channels)
     signs = pixels[:, 1] if channels == 2 else np.ones(len(pixels))

@@ -11,20 +11,19 @@ from numpy.typing import NDArray
 from dvs_interfaces.cdr import CdrReader, CdrWriter, MessageError
 from dvs_interfaces.events import FRAME_ID
 from dvs_interfaces.model import FloatArray
+from dvs_interfaces.stamped import BODY, Memo, stamp_of, stamped
 
-_AFTER_STAMP = 12
-# Two empty sequences, as two of the three of a JointState are.
+# The sequences of a JointState; all but one are empty in the loop's messages.
+_PARTS = ('position', 'velocity', 'effort')
 _NO_DOUBLES = bytes(8)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImageFrame:
-    """A sensor_msgs/Image with its pixels still in wire form.
+class ImageFormat:
+    """What is the same in all images of a stream.
 
     Parameters
     ----------
-    stamp_ns
-        Sample time, ns.
     height
         Rows.
     width
@@ -35,16 +34,31 @@ class ImageFrame:
         Byte order of multi-byte pixels.
     step
         Bytes a row.
-    data
-        Bytes, ``height * step`` of them.
     """
 
-    stamp_ns: int
     height: int
     width: int
     encoding: str
     big_endian: bool
     step: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageFrame:
+    """A sensor_msgs/Image with its pixels still in wire form.
+
+    Parameters
+    ----------
+    stamp_ns
+        Sample time, ns.
+    format
+        Size and encoding.
+    data
+        Bytes, ``height * step`` of them.
+    """
+
+    stamp_ns: int
+    format: ImageFormat
     data: memoryview
 
 
@@ -79,17 +93,13 @@ def pack_image(stamp_ns: int, pixels: NDArray[np.generic], encoding: str) -> byt
     encoding
         Encoding as in sensor_msgs/image_encodings.
     """
-    pixels = np.ascontiguousarray(pixels)
-    height, width = pixels.shape[:2]
-    writer = CdrWriter()
-    writer.stamp(stamp_ns)
-    writer.section(_image_layout(height, width, encoding, pixels.nbytes // height))
-    writer.octets(pixels.tobytes())
-    return writer.finish()
+    head = _image_head(pixels.shape[0], pixels.shape[1], encoding, pixels.nbytes)
+    octets = np.ascontiguousarray(pixels).data
+    return stamped(stamp_ns, head, octets, bytes(-pixels.nbytes % 4))
 
 
 @functools.lru_cache(maxsize=16)
-def _image_layout(height: int, width: int, encoding: str, step: int) -> bytes:
+def _image_head(height: int, width: int, encoding: str, size: int) -> bytes:
     writer = CdrWriter()
     writer.stamp(0)
     writer.text(FRAME_ID)
@@ -97,8 +107,9 @@ def _image_layout(height: int, width: int, encoding: str, step: int) -> bytes:
     writer.u32(width)
     writer.text(encoding)
     writer.u8(0)
-    writer.u32(step)
-    return writer.finish()[_AFTER_STAMP:]
+    writer.u32(size // height)
+    writer.u32(size)
+    return writer.finish()[BODY:]
 
 
 def parse_image(message: bytes) -> ImageFrame:
@@ -114,49 +125,45 @@ def parse_image(message: bytes) -> ImageFrame:
     MessageError
         If the message is cut short or its data does not fill its rows.
     """
+    stamp_ns = stamp_of(message)
+    pixels = _known_images.find(message) or _read_image_head(message)
+    data = memoryview(message)[pixels.start : pixels.start + pixels.size]
+    if len(data) != pixels.size:
+        raise MessageError(f'image of {pixels.size} bytes of data has only {len(data)}')
+    return ImageFrame(stamp_ns=stamp_ns, format=pixels.format, data=data)
+
+
+@dataclass(frozen=True, slots=True)
+class _Pixels:
+    """Where the data of an image stand, and how they are to be read."""
+
+    start: int
+    size: int
+    format: ImageFormat
+
+
+_known_images: Memo[_Pixels] = Memo()
+
+
+def _read_image_head(message: bytes) -> _Pixels:
     reader = CdrReader(message)
-    stamp_ns = reader.stamp()
-    layout = reader.recall(_known_layouts)
-    if layout is None:
-        reader.text()
-        layout = _Layout(
-            height=reader.u32(),
-            width=reader.u32(),
-            encoding=reader.text(),
-            big_endian=bool(reader.u8()),
-            step=reader.u32(),
-        )
-        reader.remember(_known_layouts, _AFTER_STAMP, layout)
-    data = reader.octets()
-    if len(data) != layout.height * layout.step:
-        raise MessageError(
-            f'{layout.height} rows of {layout.step} bytes do not fit {len(data)} bytes of data'
-        )
-    return ImageFrame(
-        stamp_ns=stamp_ns,
-        height=layout.height,
-        width=layout.width,
-        encoding=layout.encoding,
-        big_endian=layout.big_endian,
-        step=layout.step,
-        data=data,
+    reader.stamp()
+    reader.text()
+    form = ImageFormat(
+        height=reader.u32(),
+        width=reader.u32(),
+        encoding=reader.text(),
+        big_endian=bool(reader.u8()),
+        step=reader.u32(),
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Layout:
-    """What is the same in all images of a stream."""
-
-    height: int
-    width: int
-    encoding: str
-    big_endian: bool
-    step: int
-
-
-# A stream repeats the bytes between stamp and data: they are read once.
-_known_layouts: dict[bytes, _Layout] = {}
-_known_names: dict[bytes, tuple[str, ...]] = {}
+    size = reader.u32()
+    if size != form.height * form.step:
+        raise MessageError(
+            f'{form.height} rows of {form.step} bytes do not fit {size} bytes of data'
+        )
+    pixels = _Pixels(reader.position, size, form)
+    _known_images.add(message, reader.position, pixels)
+    return pixels
 
 
 def luminosity_image(frame: ImageFrame) -> FloatArray:
@@ -172,9 +179,10 @@ def luminosity_image(frame: ImageFrame) -> FloatArray:
     MessageError
         If the encoding is another one or the rows are not packed.
     """
-    if frame.encoding != '64FC1' or frame.big_endian or frame.step != 8 * frame.width:
+    form = frame.format
+    if form.encoding != '64FC1' or form.big_endian or form.step != 8 * form.width:
         raise MessageError(
-            f'luminosity must be little-endian 64FC1 with packed rows, is {frame.encoding}'
+            f'luminosity must be little-endian 64FC1 with packed rows, is {form.encoding}'
         )
     return np.frombuffer(frame.data, dtype='<f8')
 
@@ -187,12 +195,8 @@ def pack_state(vector: Vector) -> bytes:
     vector
         State of the plant.
     """
-    writer = CdrWriter()
-    writer.stamp(vector.stamp_ns)
-    writer.section(_joint_names(vector.names))
-    writer.doubles(vector.values)
-    writer.section(_NO_DOUBLES)
-    return writer.finish()
+    head = _joint_head(vector.names, 'position', vector.values.size)
+    return stamped(vector.stamp_ns, head, vector.values.tobytes(), _NO_DOUBLES)
 
 
 def pack_command(vector: Vector) -> bytes:
@@ -203,21 +207,22 @@ def pack_command(vector: Vector) -> bytes:
     vector
         Input u_o of the plant.
     """
-    writer = CdrWriter()
-    writer.stamp(vector.stamp_ns)
-    writer.section(_joint_names(vector.names))
-    writer.section(_NO_DOUBLES)
-    writer.doubles(vector.values)
-    return writer.finish()
+    head = _joint_head(vector.names, 'effort', vector.values.size)
+    return stamped(vector.stamp_ns, head, vector.values.tobytes())
 
 
 @functools.lru_cache(maxsize=16)
-def _joint_names(names: tuple[str, ...]) -> bytes:
+def _joint_head(names: tuple[str, ...], part: str, count: int) -> bytes:
     writer = CdrWriter()
     writer.stamp(0)
     writer.text('')
     writer.texts(names)
-    return writer.finish()[_AFTER_STAMP:]
+    for _ in _PARTS[: _PARTS.index(part)]:
+        writer.u32(0)
+    writer.u32(count)
+    if count:
+        writer.align(8)
+    return writer.finish()[BODY:]
 
 
 def parse_state(message: bytes) -> Vector:
@@ -252,18 +257,46 @@ def parse_command(message: bytes) -> Vector:
     return _parse_joint_state(message, 'effort')
 
 
+@dataclass(frozen=True, slots=True)
+class _Entries:
+    """Where the values of a JointState stand, and what they are called."""
+
+    start: int
+    # Bytes of a message that is whole.
+    size: int
+    part: str
+    names: tuple[str, ...]
+
+
+_known_joints: Memo[_Entries] = Memo()
+
+
 def _parse_joint_state(message: bytes, part: str) -> Vector:
+    stamp_ns = stamp_of(message)
+    known = _known_joints.find(message)
+    if known is None or known.part != part or len(message) < known.size:
+        known = _read_joint_head(message, part)
+    values = np.frombuffer(message, '<f8', len(known.names), known.start)
+    return Vector(stamp_ns=stamp_ns, names=known.names, values=values)
+
+
+def _read_joint_head(message: bytes, part: str) -> _Entries:
     reader = CdrReader(message)
-    stamp_ns = reader.stamp()
-    names = reader.recall(_known_names)
-    if names is None:
-        reader.text()
-        names = reader.remember(_known_names, _AFTER_STAMP, reader.texts())
-    position, _, effort = reader.doubles(), reader.doubles(), reader.doubles()
-    values = position if part == 'position' else effort
-    if len(values) != len(names):
-        raise MessageError(f'{len(names)} names but {len(values)} entries of {part}')
-    return Vector(stamp_ns=stamp_ns, names=names, values=values)
+    reader.stamp()
+    reader.text()
+    names = reader.texts()
+    counts, ends = [], []
+    for _ in _PARTS:
+        counts.append(reader.doubles().size)
+        ends.append(reader.position)
+    which = _PARTS.index(part)
+    count, end = counts[which], ends[which]
+    if count != len(names):
+        raise MessageError(f'{len(names)} names but {count} entries of {part}')
+    entries = _Entries(end - 8 * count, ends[-1], part, names)
+    if not any(counts[:which]) and not any(counts[which + 1 :]):
+        _known_joints.add(message, entries.start, entries)
+    return entries
 
 
 def pack_array(values: FloatArray) -> bytes:
@@ -311,6 +344,4 @@ def pack_clock(stamp_ns: int) -> bytes:
     stamp_ns
         Simulated time, ns.
     """
-    writer = CdrWriter()
-    writer.stamp(stamp_ns)
-    return writer.finish()
+    return stamped(stamp_ns)

@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.messages import (
+    ImageFormat,
     Vector,
     luminosity_image,
     pack_array,
@@ -125,8 +126,10 @@ def test_we_read_rclpys_image(row, height, encoding, frame, big_endian, stamp):
 
     found = parse_image(as_ros_serializes(message))
 
-    assert (found.stamp_ns, found.height, found.width) == (stamp, height, 3)
-    assert (found.encoding, found.big_endian, found.step) == (encoding, big_endian, len(row))
+    assert found.stamp_ns == stamp
+    assert found.format == ImageFormat(
+        height=height, width=3, encoding=encoding, big_endian=big_endian, step=len(row)
+    )
     assert bytes(found.data) == row * height
 
 
