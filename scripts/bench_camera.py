@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from dvs_event_camera.event_camera import EventCamera
-from dvs_event_camera.image_source import luminosity_of
+from dvs_event_camera.image_source import parse_luminosity
 from dvs_event_camera.pixel_array import PixelArray
 from dvs_interfaces.events import pack_events
-from dvs_interfaces.messages import pack_image, parse_image
+from dvs_interfaces.messages import pack_image
 from dvs_interfaces.scenario import Scenario
 
 THRESHOLD = 0.15
@@ -101,10 +101,10 @@ def message_updater(first: np.ndarray) -> Callable[[int, bytes], int]:
         {'event_threshold': THRESHOLD, 'reference_uncertainty': 0.0, 'mode': 'realtime'}
     )
     camera = EventCamera.of_scenario(scenario)
-    camera.take(luminosity_of(parse_image(pack_image(0, first, '64FC1'))))
+    camera.take(parse_luminosity(pack_image(0, first, '64FC1')))
 
     def update(stamp_ns: int, message: bytes) -> int:
-        exposure = camera.take(luminosity_of(parse_image(message)))
+        exposure = camera.take(parse_luminosity(message))
         assert exposure is not None
         return sum(len(pack_events(packet)) > 0 for packet in exposure.packets) and len(
             exposure.events

@@ -5,11 +5,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvs_event_camera.event_camera import EventCamera
-from dvs_event_camera.image_source import luminosity_of
+from dvs_event_camera.image_source import parse_luminosity
 from dvs_hinf_controller.design import design_from_scenario
 from dvs_hinf_controller.event_controller import EventController
 from dvs_hinf_controller.sector import sector
-from dvs_interfaces.messages import pack_image, parse_image
+from dvs_interfaces.messages import pack_image
 from dvs_interfaces.scenario import Scenario
 
 SCENARIO = Scenario.from_values({})
@@ -33,7 +33,7 @@ def test_the_estimate_stays_in_its_sector_through_changes(thresholds, steps):
     for k, level in enumerate(walk):
         stamp_ns = k * PERIOD_NS
         y = first * np.exp(level)
-        frame = luminosity_of(parse_image(pack_image(stamp_ns, y.reshape(1, 3), '64FC1')))
+        frame = parse_luminosity(pack_image(stamp_ns, y.reshape(1, 3), '64FC1'))
         for packet in camera.take(frame).packets:
             controller.take(packet)
         bound = sector(

@@ -13,11 +13,11 @@ import numpy as np
 
 from dvs_event_camera.event_camera import EventCamera
 from dvs_event_camera.event_records import without_labels
-from dvs_event_camera.image_source import luminosity_of
+from dvs_event_camera.image_source import parse_luminosity
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.event_controller import EventController
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import EventPacket, pack_events, parse_events
+from dvs_interfaces.events import pack_events, parse_events
 from dvs_interfaces.messages import (
     Vector,
     pack_array,
@@ -25,12 +25,11 @@ from dvs_interfaces.messages import (
     pack_image,
     pack_state,
     parse_command,
-    parse_image,
 )
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.topics import COMMAND, ESTIMATE, EVENTS, LUMINOSITY, STATE
-from dvs_plant_sim.disturbance import DisturbedPlant
+from dvs_plant_sim.disturbance import disturbed
 from dvs_plant_sim.plant import Plant
 
 _TOPICS = (LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE)
@@ -78,15 +77,13 @@ def run_sampled(scenario: Scenario) -> SampledRun:
         design=design,
         messages={name: [] for name in _TOPICS},
     )
-    plant = DisturbedPlant(
+    plant = disturbed(
         Plant(
             model,
             initial_state=scenario.initial_state,
             period_ns=scenario.sampling_period_ns,
         ),
-        input_disturbance=scenario['input_disturbance'],
-        state_disturbance=scenario['state_disturbance'],
-        seed=scenario['seed'],
+        scenario,
     )
     camera = EventCamera.of_scenario(scenario)
     controller = EventController(
@@ -132,12 +129,9 @@ def _nonphysical(scenario: Scenario, luminosity: FloatArray, stamp_ns: int) -> F
 
 
 def _expose(run: SampledRun, camera: EventCamera, image: bytes) -> list[bytes]:
-    exposure = camera.take(luminosity_of(parse_image(image)))
+    exposure = camera.take(parse_luminosity(image))
     assert exposure is not None
-    packets = [
-        pack_events(EventPacket(stamp_ns=p.stamp_ns, events=without_labels(p.events)))
-        for p in exposure.packets
-    ]
+    packets = [pack_events(without_labels(packet)) for packet in exposure.packets]
     run.messages[EVENTS] += packets
     return packets
 

@@ -155,7 +155,7 @@ class EventCamera:
             If the frame starts the sensor and violates (A1).
         """
         pixels = self._pixels
-        if pixels is None or self._restart_reason(frame):
+        if pixels is None or self._restart_reason(pixels, frame):
             return self._start(frame)
         if frame.stamp_ns == pixels.stamp_ns:
             return None
@@ -168,7 +168,7 @@ class EventCamera:
         )
 
     def _start(self, frame: LuminosityFrame) -> Exposure:
-        reason = self._restart_reason(frame)
+        reason = self._restart_reason(self._pixels, frame) if self._pixels else ''
         pixels = self._make_pixels(frame.pixels.reshape(-1).astype(np.float64), frame.darkest)
         pixels.update(frame.stamp_ns, frame.pixels)
         self._invalid_before = self.invalid_samples
@@ -181,16 +181,14 @@ class EventCamera:
             restart_reason=reason,
         )
 
-    def _restart_reason(self, frame: LuminosityFrame) -> str:
-        if self._pixels is None or self._pixels.stamp_ns is None:
-            return ''
+    def _restart_reason(self, pixels: PixelArray, frame: LuminosityFrame) -> str:
         if frame.pixels.shape != self._shape:
             old, new = (' x '.join(map(str, shape)) for shape in (self._shape, frame.pixels.shape))
             return f'the frames change from {old} to {new} pixels'
-        if frame.stamp_ns < self._pixels.stamp_ns:
+        last_ns = pixels.stamp_ns
+        if last_ns is not None and frame.stamp_ns < last_ns:
             return (
-                f'the stamps go back from {self._pixels.stamp_ns * 1e-9:.9f} s '
-                f'to {frame.stamp_ns * 1e-9:.9f} s'
+                f'the stamps go back from {last_ns * 1e-9:.9f} s to {frame.stamp_ns * 1e-9:.9f} s'
             )
         return ''
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Empty, Int16MultiArray, MultiArrayDimension, MultiArray
 from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.event_packet import pack_event_packet
 from dvs_event_camera.event_records import without_labels
-from dvs_event_camera.image_source import LuminosityFrame, luminosity_of, parse_compressed
+from dvs_event_camera.image_source import LuminosityFrame, parse_compressed, parse_luminosity
 from dvs_event_camera.renderer import EventRenderer
 from dvs_interfaces import topics
 from dvs_interfaces.errors import ParameterError
@@ -23,7 +23,7 @@ from dvs_interfaces.events import EventPacket, pack_events
 from dvs_interfaces.health import Health, Level, RateMeter, Trouble
 from dvs_interfaces.keyframe import Keyframe, pack_keyframe
 from dvs_interfaces.managed_node import ManagedNode
-from dvs_interfaces.messages import Vector, pack_command, pack_image, parse_image
+from dvs_interfaces.messages import Vector, pack_command, pack_image
 from dvs_interfaces.parameters import CAMERA
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.spin import run_nodes
@@ -117,15 +117,14 @@ class EventCameraNode(ManagedNode):
     # -- frames -----------------------------------------------------------------------------------
 
     def _take_image(self, message: bytes) -> None:
-        self._take(luminosity_of(parse_image(message)))
+        self._take(parse_luminosity(message))
 
     def _take_compressed(self, message: bytes) -> None:
         self._take(parse_compressed(message))
 
     def _take(self, frame: LuminosityFrame) -> None:
-        pixels = self._camera.pixels
-        if pixels is None or frame.stamp_ns != pixels.stamp_ns:
-            self._change_threshold()
+        if self._announced_threshold is not None:
+            self._change_threshold(frame.stamp_ns)
         try:
             exposure = self._camera.take(frame)
         except ParameterError as error:
@@ -142,7 +141,8 @@ class EventCameraNode(ManagedNode):
             )
         if exposure.started:
             self._announce_threshold(frame.stamp_ns, self._scenario['event_threshold'])
-        self._announce_change(frame.stamp_ns)
+        if self._next_threshold is not None:
+            self._announce_change(frame.stamp_ns, self._next_threshold)
         for packet in exposure.packets:
             self._publish(packet)
         self._publish_keyframe(frame.stamp_ns, due_now=exposure.started)
@@ -158,23 +158,22 @@ class EventCameraNode(ManagedNode):
             pack_command(Vector(stamp_ns=after_ns, names=('event_threshold',), values=h))
         )
 
-    def _change_threshold(self) -> None:
-        """Fire at the threshold that was announced with the last frame."""
-        if self._announced_threshold is None:
+    def _change_threshold(self, stamp_ns: int) -> None:
+        """Fire at the threshold that was announced with the last frame, if this is another one."""
+        pixels = self._camera.pixels
+        if pixels is not None and pixels.stamp_ns == stamp_ns:
             return
         self._scenario = self._scenario.replace(event_threshold=self._announced_threshold)
         self._camera.change_event_threshold(self._scenario)
         self._announced_threshold = None
 
-    def _announce_change(self, stamp_ns: int) -> None:
+    def _announce_change(self, stamp_ns: int, event_threshold: float) -> None:
         """Say before the next frame at which threshold it will be seen."""
-        self._announced_threshold, self._next_threshold = self._next_threshold, None
-        if self._announced_threshold is not None:
-            self._announce_threshold(stamp_ns, self._announced_threshold)
+        self._announced_threshold, self._next_threshold = event_threshold, None
+        self._announce_threshold(stamp_ns, event_threshold)
 
     def _publish(self, packet: EventPacket) -> None:
-        plain = EventPacket(stamp_ns=packet.stamp_ns, events=without_labels(packet.events))
-        self._events.publish(pack_events(plain))
+        self._events.publish(pack_events(without_labels(packet)))
         if len(packet.events):
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         if self._labels is not None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dvs_event_camera.compiled import kernels_for
 from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.events import EVENT_DTYPE, LABELLED_EVENT_DTYPE, make_events
+from dvs_interfaces.events import EVENT_DTYPE, LABELLED_EVENT_DTYPE, EventPacket, make_events
 
 # Events from which the compiled packer pays.
 _WORTH_COMPILING = 4096
@@ -59,17 +59,18 @@ def records_of(
     return records if events.noise is None else _labelled(records, events.noise)
 
 
-def without_labels(records: NDArray[np.void]) -> NDArray[np.void]:
-    """Records of `EVENT_DTYPE` from labelled ones.
+def without_labels(packet: EventPacket) -> EventPacket:
+    """The same packet with records of `EVENT_DTYPE`; itself if it has no labels.
 
     Parameters
     ----------
-    records
-        Records of `LABELLED_EVENT_DTYPE` or `EVENT_DTYPE`, shape (E,).
+    packet
+        Events, labelled or not.
     """
-    if records.dtype == EVENT_DTYPE:
-        return records
-    return _with_noise(records, np.int8(0)).view(EVENT_DTYPE)
+    if packet.events.dtype == EVENT_DTYPE:
+        return packet
+    records = _with_noise(packet.events, np.int8(0)).view(EVENT_DTYPE)
+    return EventPacket(stamp_ns=packet.stamp_ns, events=records)
 
 
 def _labelled(records: NDArray[np.void], noise: NDArray[np.int8]) -> NDArray[np.void]:

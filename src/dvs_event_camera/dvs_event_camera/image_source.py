@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import importlib
 import io
 from dataclasses import dataclass
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_interfaces.cdr import CdrReader, MessageError
-from dvs_interfaces.messages import ImageFormat, ImageFrame
+from dvs_interfaces.messages import ImageHead, image_head
+from dvs_interfaces.stamped import Memo, stamp_of
 
 # Luma of ITU-R BT.601, which is what mono8 cameras and OpenCV call grey.
 _LUMA = {'r': 0.299, 'g': 0.587, 'b': 0.114, 'a': 0.0}
@@ -49,50 +49,64 @@ class LuminosityFrame:
     darkest: float
 
 
-def luminosity_of(frame: ImageFrame) -> LuminosityFrame:
-    """Luminosity of an image; single channels are not copied, colours become luma (BT.601).
+def parse_luminosity(message: bytes) -> LuminosityFrame:
+    """Luminosity of a serialized sensor_msgs/Image; colours become luma (BT.601).
+
+    Single channels are not copied.
 
     Parameters
     ----------
-    frame
-        Image with the encoding 64FC1, 32FC1, mono8, mono16, rgb8, bgr8, rgba8 or bgra8.
+    message
+        CDR bytes of an image with the encoding 64FC1, 32FC1, mono8, mono16, rgb8, bgr8, rgba8 or
+        bgra8.
 
     Raises
     ------
     MessageError
-        If the encoding is another one, or the rows are too short for it.
+        If the encoding is another one, the rows are too short for it, or the message is cut short.
     """
-    reading = _reading_of(frame.format)
+    reading = _known.find(message)
+    if reading is None or len(message) < reading.end:
+        reading = _reading_of(image_head(message))
+        _known.add(message, reading.start, reading)
     return LuminosityFrame(
-        stamp_ns=frame.stamp_ns, pixels=reading.pixels(frame.data), darkest=reading.darkest
+        stamp_ns=stamp_of(message), pixels=reading.pixels(message), darkest=reading.darkest
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Reading:
-    """How the bytes of one image format become numbers."""
+    """Where the pixels of a stream's images stand, and how their bytes become numbers."""
 
+    start: int
+    end: int
     dtype: np.dtype[Any]
     height: int
+    width: int
     row_bytes: int
     used_bytes: int
-    width: int
     channels: str
     darkest: float
 
-    def pixels(self, data: memoryview) -> NDArray[Any]:
+    def pixels(self, message: bytes) -> NDArray[Any]:
         """Luminosity, shape (height, width)."""
         if self.row_bytes == self.used_bytes and not self.channels:
-            return np.frombuffer(data, self.dtype).reshape(self.height, self.width)
-        octets = np.frombuffer(data, np.uint8).reshape(self.height, self.row_bytes)
+            count = self.height * self.width
+            pixels = np.frombuffer(message, self.dtype, count, self.start)
+            return pixels.reshape(self.height, self.width)
+        octets = np.frombuffer(message, np.uint8, self.end - self.start, self.start)
+        octets = octets.reshape(self.height, self.row_bytes)
         pixels = np.ascontiguousarray(octets[:, : self.used_bytes]).view(self.dtype)
         if not self.channels:
             return pixels
         return luma(pixels.reshape(self.height, self.width, -1), self.channels)
 
 
-@functools.lru_cache(maxsize=8)
-def _reading_of(form: ImageFormat) -> _Reading:
+_known: Memo[_Reading] = Memo()
+
+
+def _reading_of(head: ImageHead) -> _Reading:
+    form = head.format
     scalar = _SCALARS.get(form.encoding)
     channels = _COLOURS.get(form.encoding, '')
     if scalar is None and not channels:
@@ -108,11 +122,13 @@ def _reading_of(form: ImageFormat) -> _Reading:
             f'{form.step} bytes'
         )
     return _Reading(
+        start=head.start,
+        end=head.end,
         dtype=dtype,
         height=form.height,
+        width=form.width,
         row_bytes=form.step,
         used_bytes=used_bytes,
-        width=form.width,
         channels=channels,
         darkest=0.0 if scalar in ('f8', 'f4') else _DARKEST_INTEGER,
     )

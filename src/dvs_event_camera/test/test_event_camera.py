@@ -145,7 +145,7 @@ def test_labels_travel_in_the_padding():
     assert np.all(packet.events['noise'] == 1)
     parsed = parse_events(pack_events(packet))
     assert np.array_equal(parsed.events, packet.events)
-    plain = without_labels(packet.events)
+    plain = without_labels(packet).events
     assert plain.dtype == EVENT_DTYPE
     sent = pack_events(EventPacket(stamp_ns=packet.stamp_ns, events=plain))
     assert parse_events(sent).events.dtype == EVENT_DTYPE

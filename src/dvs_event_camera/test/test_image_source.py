@@ -5,9 +5,9 @@ import io
 import numpy as np
 import pytest
 
-from dvs_event_camera.image_source import decode_picture, luminosity_of, parse_compressed
+from dvs_event_camera.image_source import decode_picture, parse_compressed, parse_luminosity
 from dvs_interfaces.cdr import CdrWriter, MessageError
-from dvs_interfaces.messages import ImageFormat, ImageFrame, pack_image, parse_image
+from dvs_interfaces.messages import pack_image
 
 PIXELS = np.array([[1, 2, 3], [250, 0, 7]])
 
@@ -17,7 +17,7 @@ PIXELS = np.array([[1, 2, 3], [250, 0, 7]])
     [('64FC1', '<f8', 0), ('32FC1', '<f4', 0), ('mono8', 'u1', 0.5), ('mono16', '<u2', 0.5)],
 )
 def test_single_channels(encoding, dtype, darkest):
-    found = luminosity_of(parse_image(pack_image(42, PIXELS.astype(dtype), encoding)))
+    found = parse_luminosity(pack_image(42, PIXELS.astype(dtype), encoding))
     assert np.array_equal(found.pixels, PIXELS)
     assert found.pixels.dtype == np.dtype(dtype)
     assert (found.stamp_ns, found.darkest) == (42, darkest)
@@ -29,29 +29,30 @@ def test_colours_become_luma(encoding):
     red, green, blue = rng.integers(0, 256, (3, 2, 3))
     planes = {'r': red, 'g': green, 'b': blue, 'a': np.full((2, 3), 255)}
     pixels = np.stack([planes[c] for c in encoding[:-1]], axis=2).astype(np.uint8)
-    found = luminosity_of(parse_image(pack_image(0, pixels, encoding)))
+    found = parse_luminosity(pack_image(0, pixels, encoding))
     assert np.allclose(found.pixels, 0.299 * red + 0.587 * green + 0.114 * blue, atol=1e-3)
     assert found.darkest == 0.5
 
 
-def image_frame(data, **changes):
-    fields = {
-        'height': 2,
-        'width': 3,
-        'encoding': 'mono16',
-        'big_endian': False,
-        'step': 6,
-        **changes,
-    }
-    return ImageFrame(stamp_ns=0, format=ImageFormat(**fields), data=memoryview(data))
+def image_message(data, *, height=2, width=3, encoding='mono16', big_endian=False, step=6):
+    writer = CdrWriter()
+    writer.stamp(0)
+    writer.text('camera')
+    writer.u32(height)
+    writer.u32(width)
+    writer.text(encoding)
+    writer.u8(big_endian)
+    writer.u32(step)
+    writer.octets(data)
+    return writer.finish()
 
 
 def test_big_endian_and_padded_rows():
     big = PIXELS.astype('>u2').tobytes()
-    assert np.array_equal(luminosity_of(image_frame(big, big_endian=True)).pixels, PIXELS)
+    assert np.array_equal(parse_luminosity(image_message(big, big_endian=True)).pixels, PIXELS)
     rows = PIXELS.astype('<u2').view(np.uint8)
     padded = np.hstack([rows, np.full((2, 5), 99, np.uint8)]).tobytes()
-    assert np.array_equal(luminosity_of(image_frame(padded, step=11)).pixels, PIXELS)
+    assert np.array_equal(parse_luminosity(image_message(padded, step=11)).pixels, PIXELS)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +61,7 @@ def test_big_endian_and_padded_rows():
 def test_what_is_no_luminosity_is_refused(changes):
     size = changes.get('step', 6) * changes.get('height', 2)
     with pytest.raises(MessageError):
-        luminosity_of(image_frame(bytes(size), **changes))
+        parse_luminosity(image_message(bytes(size), **changes))
 
 
 def compressed(data):

@@ -126,26 +126,53 @@ def parse_image(message: bytes) -> ImageFrame:
         If the message is cut short or its data does not fill its rows.
     """
     stamp_ns = stamp_of(message)
-    pixels = _known_images.find(message) or _read_image_head(message)
-    data = memoryview(message)[pixels.start : pixels.start + pixels.size]
-    if len(data) != pixels.size:
-        raise MessageError(f'image of {pixels.size} bytes of data has only {len(data)}')
-    return ImageFrame(stamp_ns=stamp_ns, format=pixels.format, data=data)
+    head = image_head(message)
+    data = memoryview(message)[head.start : head.end]
+    return ImageFrame(stamp_ns=stamp_ns, format=head.format, data=data)
 
 
-@dataclass(frozen=True, slots=True)
-class _Pixels:
-    """Where the data of an image stand, and how they are to be read."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageHead:
+    """Where the data of a serialized image stand, and how they are to be read.
+
+    Parameters
+    ----------
+    start
+        Where the data begin in the message, bytes.
+    end
+        Where they end.
+    format
+        Size and encoding.
+    """
 
     start: int
-    size: int
+    end: int
     format: ImageFormat
 
 
-_known_images: Memo[_Pixels] = Memo()
+_known_images: Memo[ImageHead] = Memo()
 
 
-def _read_image_head(message: bytes) -> _Pixels:
+def image_head(message: bytes) -> ImageHead:
+    """Find the data of a serialized sensor_msgs/Image.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the message is cut short or its data does not fill its rows.
+    """
+    head = _known_images.find(message) or _read_image_head(message)
+    if len(message) < head.end:
+        raise MessageError(f'image ends {head.end - len(message)} bytes too early')
+    return head
+
+
+def _read_image_head(message: bytes) -> ImageHead:
     reader = CdrReader(message)
     reader.stamp()
     reader.text()
@@ -161,9 +188,9 @@ def _read_image_head(message: bytes) -> _Pixels:
         raise MessageError(
             f'{form.height} rows of {form.step} bytes do not fit {size} bytes of data'
         )
-    pixels = _Pixels(reader.position, size, form)
-    _known_images.add(message, reader.position, pixels)
-    return pixels
+    head = ImageHead(start=reader.position, end=reader.position + size, format=form)
+    _known_images.add(message, head.start, head)
+    return head
 
 
 def luminosity_image(frame: ImageFrame) -> FloatArray:

@@ -5,9 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from dvs_interfaces.model import FloatArray
+from dvs_interfaces.scenario import Scenario
 from dvs_plant_sim.dynamics import Dynamics
 
 _NANOSECOND_S = 1e-9
+
+
+def disturbed(plant: Dynamics, scenario: Scenario) -> Dynamics:
+    """Plant with the noise of a scenario; the plant itself if there is none.
+
+    Parameters
+    ----------
+    plant
+        Plant to disturb.
+    scenario
+        Checked parameters.
+    """
+    if not scenario['input_disturbance'] and not scenario['state_disturbance']:
+        return plant
+    return DisturbedPlant(
+        plant,
+        input_disturbance=scenario['input_disturbance'],
+        state_disturbance=scenario['state_disturbance'],
+        seed=scenario['seed'],
+    )
 
 
 class DisturbedPlant:

@@ -20,13 +20,9 @@ class Handshake:
         self._period_ns = period_ns
         self._last_sample = last_sample
         self.sample = 0
+        self.stamp_ns = 0
         self._answered = False
         self._waiting_turns = 0
-
-    @property
-    def stamp_ns(self) -> int:
-        """Time of the current sample, ns."""
-        return self.sample * self._period_ns
 
     @property
     def is_last(self) -> bool:
@@ -56,6 +52,7 @@ class Handshake:
     def next(self) -> int:
         """Go on to the next sample and return its time, ns; it is answered only once `sent`."""
         self.sample += 1
+        self.stamp_ns += self._period_ns
         return self.stamp_ns
 
     def sent(self) -> None:

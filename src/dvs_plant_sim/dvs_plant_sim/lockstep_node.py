@@ -38,6 +38,7 @@ class LockstepDriver:
     def __init__(self, node: PlantNode, scenario: Scenario) -> None:
         self._node = node
         self._scenario = scenario
+        self._period_ns = scenario.sampling_period_ns
         self._clock_publisher = node.advertise_on_demand(Clock, topics.CLOCK, topics.clock_qos())
         qos = topics.handshake_qos(scenario['mode'])
         node.listen(JointState, topics.COMMAND, self._step, qos)
@@ -48,9 +49,7 @@ class LockstepDriver:
         """Publish sample 0."""
         scenario = self._scenario
         self._due.cancel()
-        self._handshake = Handshake(
-            period_ns=scenario.sampling_period_ns, last_sample=scenario.sample_count
-        )
+        self._handshake = Handshake(period_ns=self._period_ns, last_sample=scenario.sample_count)
         self._pace = Pace(scenario['real_time_factor'])
         self._cycle_rate = RateMeter()
         self._publish()
@@ -71,7 +70,7 @@ class LockstepDriver:
         if self._handshake.is_last:
             self._finish(command.stamp_ns)
             return
-        self._node.plant.advance(self._scenario.sampling_period_ns, command.values)
+        self._node.plant.advance(self._period_ns, command.values)
         delay_s = self._pace.delay_s(self._handshake.next(), time.monotonic())
         if delay_s:
             self._due.timer_period_ns = int(delay_s * 1e9)

@@ -18,7 +18,7 @@ from dvs_interfaces.model import FloatArray
 from dvs_interfaces.parameters import PLANT
 from dvs_interfaces.scenario import Scenario
 from dvs_interfaces.schema import ParameterSpec
-from dvs_plant_sim.disturbance import DisturbedPlant
+from dvs_plant_sim.disturbance import disturbed
 from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.lockstep_node import LockstepDriver
 from dvs_plant_sim.realtime_node import RealtimeDriver
@@ -85,7 +85,7 @@ class PlantNode(ManagedNode):
         self._model.require_detectable()
         self._scene = scenario.scene
         self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
-        self.plant = self._disturbed_plant()
+        self.plant = disturbed(self.make_plant(scenario), scenario)
         self._luminosity_publisher = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
         self._state_publisher = self.advertise_on_demand(
             JointState, topics.STATE, topics.stream_qos()
@@ -96,7 +96,7 @@ class PlantNode(ManagedNode):
 
     def activate(self) -> None:
         """Start at the initial state; in lockstep with sample 0."""
-        self.plant = self._disturbed_plant()
+        self.plant = disturbed(self.make_plant(self._scenario), self._scenario)
         self._nonphysical_samples = 0
         self._driver.start()
 
@@ -180,15 +180,6 @@ class PlantNode(ManagedNode):
         return 'camera and controller are there but do not answer'
 
     # -- details --------------------------------------------------------------------------------
-
-    def _disturbed_plant(self) -> Dynamics:
-        scenario = self._scenario
-        return DisturbedPlant(
-            self.make_plant(scenario),
-            input_disturbance=scenario['input_disturbance'],
-            state_disturbance=scenario['state_disturbance'],
-            seed=scenario['seed'],
-        )
 
     def _nonphysical(self, stamp_ns: int, luminosity: FloatArray) -> FloatArray:
         self._nonphysical_samples += 1
