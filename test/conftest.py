@@ -10,7 +10,7 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 _DOMAINS = itertools.count(os.getpid() * 13)
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def new_domain() -> Callable[[], int]:
     # Domains above 101 meet the ephemeral ports of Linux.
     return lambda: 10 + next(_DOMAINS) % 91

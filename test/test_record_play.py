@@ -5,11 +5,23 @@ from itertools import pairwise
 
 import pytest
 import yaml
-from loop_support import CONFIG, PACKAGE, environment, program, run_closed_loop, start, stop
+from loop_support import (
+    CONFIG,
+    PACKAGE,
+    environment,
+    listening,
+    program,
+    run_closed_loop,
+    start,
+    stop,
+    wait_for,
+)
 
 from dvs_closed_loop.bag import read_bag
+from dvs_closed_loop.bag_recorder_node import BagRecorder
 from dvs_closed_loop.recorded_run import examine
 from dvs_closed_loop.recording import BagWriter
+from dvs_closed_loop.streams import STREAMS
 from dvs_closed_loop.verdict import sector_ratios
 from dvs_interfaces import topics
 from dvs_interfaces.messages import pack_clock, parse_command
@@ -147,6 +159,27 @@ def test_a_full_disk_ends_a_recording_with_an_error(domain, processes, tmp_path)
     assert 'File too large' in errors
     assert 'Traceback' not in errors
     assert len(read_bag(bag).messages) > 300
+
+
+def test_a_publisher_that_appears_without_latching_is_recorded(domain, tmp_path):
+    stream = STREAMS[topics.COMMAND]
+    # The recorder adapts while what DDS says of the driver still waits to be handled.
+    with (
+        listening(domain) as tool,
+        listening(domain) as driver,
+        BagWriter(tmp_path / 'bag', {'/command': stream.type_name}) as bag,
+    ):
+        recorder = BagRecorder(tool.node, [stream], bag)
+        tool.spin_until(lambda: False, timeout_s=0.2)
+        publisher = driver.node.create_publisher(
+            stream.message_type, stream.topic, topics.handshake_qos('realtime')
+        )
+        assert wait_for(lambda: tool.node.count_publishers(stream.topic) == 1)
+        recorder.adapt()
+        assert tool.spin_until(lambda: recorder.newly_heard() == [stream.topic])
+        assert driver.spin_until(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(stream.message_type())
+        assert tool.spin_until(lambda: recorder.counts[stream.topic] == 1)
 
 
 def test_play_ends_on_ctrl_c(domain, processes, tmp_path):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from loop_support import wait_for
 
 DEVICE = 'cable0'
 
@@ -55,6 +56,9 @@ def two_hosts(delay_ms: float) -> Iterator[tuple[Host, Host]]:
             require('ip', '-n', host.name, 'addr', 'add', f'{host.address}/24', 'dev', DEVICE)
             for device in ('lo', DEVICE):
                 require('ip', '-n', host.name, 'link', 'set', device, 'up')
+        # Fast DDS takes the devices that run when a node starts and looks no second time; after
+        # `up` the kernel may take a second to call a device running.
+        assert wait_for(lambda: all(is_running(host) for host in hosts)), 'the cable stays down'
         yield hosts
     finally:
         if line is not None:
@@ -62,6 +66,11 @@ def two_hosts(delay_ms: float) -> Iterator[tuple[Host, Host]]:
             line.communicate()
         for host in hosts:
             run('ip', 'netns', 'del', host.name)
+
+
+def is_running(host: Host) -> bool:
+    shown = run('ip', '-n', host.name, 'link', 'show', 'dev', DEVICE)
+    return shown.returncode == 0 and 'state DOWN' not in shown.stdout
 
 
 def join_by_veth(hosts: tuple[Host, Host], delay_ms: float) -> bool:

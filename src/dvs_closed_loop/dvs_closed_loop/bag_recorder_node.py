@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
@@ -18,6 +19,9 @@ from dvs_interfaces.events import parse_events
 
 # Messages that wait in the middleware while the disk is slow.
 _DEPTH = 1000
+# rclpy's executor raises on an event of a subscription that is gone, and `adapt` takes
+# subscriptions away just when a publisher has made such an event.
+_NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 
 class BagRecorder:
@@ -68,7 +72,12 @@ class BagRecorder:
             qos.durability = DurabilityPolicy.VOLATILE
         qos.depth = _DEPTH
         self._subscriptions[stream] = self._node.create_subscription(
-            stream.message_type, stream.topic, self._keeper(stream), qos, raw=True
+            stream.message_type,
+            stream.topic,
+            self._keeper(stream),
+            qos,
+            raw=True,
+            event_callbacks=_NO_EVENTS,
         )
 
     def _keeper(self, stream: Stream) -> Callable[[bytes], None]:
