@@ -28,7 +28,8 @@ from dvs_closed_loop.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.processes import NodeProcess
 from dvs_closed_loop.recorded_run import examine
 from dvs_closed_loop.recording import BagWriter
-from dvs_closed_loop.run_recorder import MESSAGE_TYPES, RunRecorder, type_name
+from dvs_closed_loop.run_recorder import RECORDED, RunRecorder
+from dvs_closed_loop.streams import STREAMS
 from dvs_closed_loop.trace import IncompleteTraceError, Trace, decode_trace
 from dvs_closed_loop.verdict import Verdict, judge
 from dvs_hinf_controller.design import design_from_scenario
@@ -308,7 +309,7 @@ def run_scenario(
         shutil.rmtree(bag_path)
     stop = StopSignal()
     runner = LoopRunner(scenario, plans)
-    with BagWriter(bag_path, {t: type_name(c) for t, c in MESSAGE_TYPES.items()}) as bag:
+    with BagWriter(bag_path, {topic: STREAMS[topic].type_name for topic in RECORDED}) as bag:
         bag.keep_scenario(scenario, parameter_file.stem)
         recorder = runner.run(bag, stop)
     if stop.received and not recorder.messages[topics.COMMAND]:

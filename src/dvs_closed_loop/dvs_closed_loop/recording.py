@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -30,6 +30,9 @@ from dvs_closed_loop.bag_storage import BatchedMcap, BatchedSqlite
 from dvs_closed_loop.streams import STREAMS, base_name
 from dvs_interfaces.errors import ParameterError, SuiteError
 from dvs_interfaces.scenario import Scenario
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
 
 STORAGES = ('mcap', 'sqlite3')
 # Keys of the bag's custom data.
@@ -197,8 +200,8 @@ def _offered_qos(topic: str) -> list[Qos]:
 
 def _recorded_qos(qos: QoSProfile) -> Qos:
     infinite = QosTime(9223372036, 854775807)
-    latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    reliable = qos.reliability == ReliabilityPolicy.RELIABLE
+    latched = qos.durability.name == 'TRANSIENT_LOCAL'
+    reliable = qos.reliability.name == 'RELIABLE'
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=qos.depth,

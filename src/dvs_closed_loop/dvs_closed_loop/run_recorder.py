@@ -5,28 +5,26 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image, JointState, PointCloud2
-from std_msgs.msg import Float64MultiArray
 
 from dvs_closed_loop.recording import BagWriter
+from dvs_closed_loop.streams import STREAMS
 from dvs_interfaces import topics
 from dvs_interfaces.events import parse_events
 
-MESSAGE_TYPES: dict[str, type] = {
-    topics.LUMINOSITY: Image,
-    topics.EVENTS: PointCloud2,
-    topics.COMMAND: JointState,
-    topics.STATE: JointState,
-    topics.ESTIMATE: Float64MultiArray,
-    topics.CLOCK: Clock,
-    topics.KEYFRAME: Image,
-    topics.THRESHOLD: JointState,
-    topics.DIAGNOSTICS: DiagnosticArray,
-}
+# What the bag of a run holds.
+RECORDED = (
+    topics.LUMINOSITY,
+    topics.EVENTS,
+    topics.COMMAND,
+    topics.STATE,
+    topics.ESTIMATE,
+    topics.CLOCK,
+    topics.KEYFRAME,
+    topics.THRESHOLD,
+    topics.DIAGNOSTICS,
+)
 # The loop does not wait for those who only listen: messages queue up here while we write.
 _DEPTH = 4000
 # What a verdict needs.
@@ -37,17 +35,6 @@ _NEEDED = (
     topics.STATE,
     topics.ESTIMATE,
 )
-
-
-def type_name(message_type: type) -> str:
-    """Name package/msg/Type of a message class.
-
-    Parameters
-    ----------
-    message_type
-        Generated message class.
-    """
-    return f'{message_type.__module__.split(".")[0]}/msg/{message_type.__name__}'
 
 
 class RunRecorder:
@@ -65,14 +52,18 @@ class RunRecorder:
 
     def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
         self._bag = bag
-        self.messages: dict[str, list[bytes]] = {topic: [] for topic in MESSAGE_TYPES}
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED}
         self.command_times_s: list[float] = []
         self.event_count = 0
         self._subscriptions = {
             topic: node.create_subscription(
-                message_type, topic, self._keeper(topic), _qos(topic, mode), raw=True
+                STREAMS[topic].message_type,
+                topic,
+                self._keeper(topic),
+                _qos(topic, mode),
+                raw=True,
             )
-            for topic, message_type in MESSAGE_TYPES.items()
+            for topic in RECORDED
         }
 
     def _keeper(self, topic: str) -> Callable[[bytes], None]:

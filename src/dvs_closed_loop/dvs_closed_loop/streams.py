@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-
-from rclpy.qos import QoSProfile
+from typing import TYPE_CHECKING
 
 from dvs_interfaces import topics
 from dvs_interfaces.errors import ParameterError
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

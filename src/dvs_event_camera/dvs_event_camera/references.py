@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,28 +11,6 @@ from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, ReferenceBounds
 
 InitialReference = Literal['luminosity', 'lower', 'upper', 'random']
-
-
-def threshold_step(event_threshold: float, log_base: float) -> float:
-    """Threshold as a change of the natural logarithm, ``h ln b``.
-
-    Parameters
-    ----------
-    event_threshold
-        h > 0, in logarithms to the base b.
-    log_base
-        b > 1.
-
-    Raises
-    ------
-    ParameterError
-        If h is not positive and finite or b does not exceed 1.
-    """
-    if not 0 < event_threshold < math.inf:
-        raise ParameterError('event_threshold', event_threshold, 'must be > 0 and finite')
-    if not 1 < log_base < math.inf:
-        raise ParameterError('log_base', log_base, 'must be > 1 and finite')
-    return event_threshold * math.log(log_base)
 
 
 def reference_levels(photoreceptor: Photoreceptor, reference: FloatArray) -> FloatArray:

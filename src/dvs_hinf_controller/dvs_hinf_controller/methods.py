@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from dvs_hinf_controller.certified import synthesize_certified
 from dvs_hinf_controller.controller import LinearController
@@ -13,123 +13,44 @@ from dvs_hinf_controller.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.structured import synthesize_structured
 from dvs_interfaces.errors import ParameterError
 
-
-class SynthesisMethod(Protocol):
-    """A way to find a controller; what it promises is measured afterwards."""
-
-    @property
-    def name(self) -> str:
-        """Name by which the user asks for it."""
-
-    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
-        """Find a controller K on the mean of zbar.
-
-        Parameters
-        ----------
-        problem
-            What is asked.
-        options
-            What may be paid.
-
-        Raises
-        ------
-        SynthesisError
-            If there is none; names the assumption that fails.
-        """
+Synthesis = Callable[[DesignProblem, DesignOptions], LinearController]
 
 
-@dataclass(frozen=True, slots=True)
-class Unstructured:
-    """Minimise ``sup_w ||G(jw)||``: H-infinity synthesis (paper, section IV.A).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SynthesisMethod:
+    """A way to find a controller; what it promises is measured afterwards.
 
     Parameters
     ----------
     name
-        Name of the method, as in the parameter `method`.
+        Name by which the user asks for it: the parameter `method`.
+    synthesize
+        Finds a controller K on the mean of zbar for a problem, or raises `SynthesisError` that
+        names the assumption that fails.
     """
 
-    name: str = 'unstructured'
-
-    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
-        """Find a controller K on the mean of zbar.
-
-        Parameters
-        ----------
-        problem
-            Its plant alone matters.
-        options
-            Slack, bandwidth limit, process noise.
-
-        Raises
-        ------
-        SynthesisError
-            If there is none; names the assumption that fails.
-        """
-        return synthesize_rolled_off(problem.model, options).controller
+    name: str
+    synthesize: Synthesis
 
 
-@dataclass(frozen=True, slots=True)
-class Structured:
-    """Minimise ``mu = sup_w (|T| + ||G||)``: the sector as it is (paper, section IV.A).
-
-    Parameters
-    ----------
-    name
-        Name of the method, as in the parameter `method`.
-    """
-
-    name: str = 'structured'
-
-    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
-        """Find a controller K on the mean of zbar.
-
-        Parameters
-        ----------
-        problem
-            Its plant alone matters.
-        options
-            Slack, bandwidth limit, process noise.
-
-        Raises
-        ------
-        SynthesisError
-            If there is none; names the assumption that fails.
-        """
-        return synthesize_structured(problem.model, options)
-
-
-@dataclass(frozen=True, slots=True)
-class Certified:
-    """Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee").
-
-    Parameters
-    ----------
-    name
-        Name of the method, as in the parameter `method`.
-    """
-
-    name: str = 'certified'
-
-    def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
-        """Find a controller K on the mean of zbar.
-
-        Parameters
-        ----------
-        problem
-            Plant, luminosities and tolerance.
-        options
-            Bandwidth limit.
-
-        Raises
-        ------
-        SynthesisError
-            If there is none; names the assumption that fails.
-        """
-        return synthesize_certified(problem, options)
-
-
-METHODS: dict[str, SynthesisMethod] = {
-    method.name: method for method in (Unstructured(), Structured(), Certified())
+METHODS = {
+    method.name: method
+    for method in (
+        # Minimise sup_w ||G(jw)||: H-infinity synthesis (paper, section IV.A).
+        SynthesisMethod(
+            name='unstructured',
+            synthesize=lambda problem, options: (
+                synthesize_rolled_off(problem.model, options).controller
+            ),
+        ),
+        # Minimise mu = sup_w (|T| + ||G||): the sector as it is (paper, section IV.A).
+        SynthesisMethod(
+            name='structured',
+            synthesize=lambda problem, options: synthesize_structured(problem.model, options),
+        ),
+        # Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee").
+        SynthesisMethod(name='certified', synthesize=synthesize_certified),
+    )
 }
 
 

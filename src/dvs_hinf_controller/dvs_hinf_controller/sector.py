@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray, ReferenceBounds
+from dvs_interfaces.model import FloatArray, ReferenceBounds, threshold_step
 
 
 def spacing(event_threshold: float, log_base: float) -> float:
@@ -26,11 +25,7 @@ def spacing(event_threshold: float, log_base: float) -> float:
     ParameterError
         If h is not positive and finite or b does not exceed 1.
     """
-    if not 0 < event_threshold < math.inf:
-        raise ParameterError('event_threshold', event_threshold, 'must be > 0 and finite')
-    if not 1 < log_base < math.inf:
-        raise ParameterError('log_base', log_base, 'must be > 1 and finite')
-    return math.exp(-event_threshold * math.log(log_base))
+    return math.exp(-threshold_step(event_threshold, log_base))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

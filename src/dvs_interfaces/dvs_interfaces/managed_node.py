@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import array
-import math
-import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -12,9 +9,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
     SetParametersResult,
 )
 from rclpy.clock import Clock
@@ -28,55 +22,18 @@ from rclpy.timer import Timer
 
 from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
+from dvs_interfaces.demanded_publisher import DemandedPublisher
 from dvs_interfaces.errors import SuiteError
 from dvs_interfaces.health import Health, Level, Trouble
 from dvs_interfaces.parameters import SCHEMA
+from dvs_interfaces.ros_parameters import ROS_TYPE, descriptor, plain
 from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.schema import Kind, ParameterSpec, Value, is_ros_parameter
+from dvs_interfaces.schema import ParameterSpec, Value, is_ros_parameter
 
-_ROS_TYPE = {
-    Kind.BOOL: Parameter.Type.BOOL,
-    Kind.INT: Parameter.Type.INTEGER,
-    Kind.FLOAT: Parameter.Type.DOUBLE,
-    Kind.TEXT: Parameter.Type.STRING,
-    Kind.INTS: Parameter.Type.INTEGER_ARRAY,
-    Kind.FLOATS: Parameter.Type.DOUBLE_ARRAY,
-}
 _DIAGNOSTICS_S = 1.0
 _LOOK_S = 0.1
 # Timers of a node follow the wall clock, even where use_sim_time ties the node's clock to /clock.
 _WALL_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
-
-
-class DemandedPublisher:
-    """Publisher of what is worth its work only while somebody listens.
-
-    Asking the middleware for the number of subscribers takes longer than many a message: `wanted`
-    is looked up ten times a second.
-
-    Parameters
-    ----------
-    publisher
-        Publisher of the topic.
-    """
-
-    def __init__(self, publisher: Publisher) -> None:
-        self._publisher = publisher
-        self.wanted = False
-
-    def look(self) -> None:
-        """Find out whether somebody listens."""
-        self.wanted = self._publisher.get_subscription_count() > 0
-
-    def publish(self, message: Any) -> None:
-        """Publish a message object or a serialized one.
-
-        Parameters
-        ----------
-        message
-            What to publish.
-        """
-        self._publisher.publish(message)
 
 
 class ManagedNode(LifecycleNode):
@@ -320,7 +277,7 @@ class ManagedNode(LifecycleNode):
             If a value breaks its rule.
         """
         values = {spec.name: self.get_parameter_or(spec.name).value for spec in self._specs}
-        own = {name: _plain(value) for name, value in values.items() if value is not None}
+        own = {name: plain(value) for name, value in values.items() if value is not None}
         return Scenario.from_values({**self._foreign, **own})
 
     # -- lifecycle ------------------------------------------------------------------------------
@@ -423,19 +380,19 @@ class ManagedNode(LifecycleNode):
         }
         for name in overrides:
             self.undeclare_parameter(name)
-        overrides = {name: _plain(value) for name, value in overrides.items()}
+        overrides = {name: plain(value) for name, value in overrides.items()}
         values = self._schema.validate(overrides)
         for spec in self._specs:
             value = values[spec.name]
             # rclpy can't tell the type of an empty list: such a parameter is declared unset.
-            declared = _ROS_TYPE[spec.kind] if value == () else value
-            self.declare_parameter(spec.name, declared, _descriptor(spec), ignore_override=True)
+            declared = ROS_TYPE[spec.kind] if value == () else value
+            self.declare_parameter(spec.name, declared, descriptor(spec), ignore_override=True)
         own = {spec.name for spec in self._specs}
         return {name: values[name] for name in overrides if name not in own}
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         specs = {spec.name: spec for spec in self._specs}
-        changes = {p.name: _plain(p.value) for p in parameters if p.name in specs}
+        changes = {p.name: plain(p.value) for p in parameters if p.name in specs}
         fixed = [name for name in changes if self.is_active and not specs[name].dynamic]
         if fixed:
             return SetParametersResult(
@@ -455,30 +412,3 @@ class ManagedNode(LifecycleNode):
         change, self._accepted_change = self._accepted_change, None
         if change is not None:
             change()
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, array.array) else value
-
-
-def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
-    unit = f' [{spec.unit}]' if spec.unit else ''
-    descriptor = ParameterDescriptor(
-        name=spec.name,
-        type=_ROS_TYPE[spec.kind].value,
-        description=spec.description + unit,
-        additional_constraints=spec.rule,
-    )
-    low, high = spec.interval.low, spec.interval.high
-    if spec.kind is Kind.FLOAT and (math.isfinite(low) or math.isfinite(high)):
-        largest = sys.float_info.max
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=max(low, -largest), to_value=min(high, largest))
-        ]
-    if spec.kind is Kind.INT and (math.isfinite(low) or math.isfinite(high)):
-        descriptor.integer_range = [
-            IntegerRange(
-                from_value=int(max(low, -(2.0**62))), to_value=int(min(high, 2.0**63 - 1024))
-            )
-        ]
-    return descriptor

@@ -6,6 +6,7 @@ designed for it and the exact hybrid automaton runs it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -275,6 +276,28 @@ class PixelScene:
         return float(model.output_vector @ np.asarray(state, dtype=np.float64)) + (
             self.brightness_offsets
         )
+
+
+def threshold_step(event_threshold: float, log_base: float) -> float:
+    """Threshold as a change of the natural logarithm, ``h ln b``.
+
+    Parameters
+    ----------
+    event_threshold
+        h > 0, in logarithms to the base b.
+    log_base
+        b > 1.
+
+    Raises
+    ------
+    ParameterError
+        If h is not positive and finite or b does not exceed 1.
+    """
+    if not 0 < event_threshold < math.inf:
+        raise ParameterError('event_threshold', event_threshold, 'must be > 0 and finite')
+    if not 1 < log_base < math.inf:
+        raise ParameterError('log_base', log_base, 'must be > 1 and finite')
+    return event_threshold * math.log(log_base)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

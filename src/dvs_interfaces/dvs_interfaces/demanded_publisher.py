@@ -1,0 +1,38 @@
+"""A publisher of what nobody should work for while nobody listens."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.publisher import Publisher
+
+
+class DemandedPublisher:
+    """Publisher of what is worth its work only while somebody listens.
+
+    Asking the middleware for the number of subscribers takes longer than many a message: `wanted`
+    is looked up ten times a second.
+
+    Parameters
+    ----------
+    publisher
+        Publisher of the topic.
+    """
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._publisher = publisher
+        self.wanted = False
+
+    def look(self) -> None:
+        """Find out whether somebody listens."""
+        self.wanted = self._publisher.get_subscription_count() > 0
+
+    def publish(self, message: Any) -> None:
+        """Publish a message object or a serialized one.
+
+        Parameters
+        ----------
+        message
+            What to publish.
+        """
+        self._publisher.publish(message)

@@ -1,0 +1,76 @@
+"""docs/architecture.md holds: imports go down the house, and cores need no ROS."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MIDDLE = {'dvs_plant_sim', 'dvs_event_camera', 'dvs_hinf_controller'}
+BELOW = {
+    'dvs_interfaces': set(),
+    **{package: {'dvs_interfaces'} for package in MIDDLE},
+    'dvs_closed_loop': MIDDLE | {'dvs_interfaces'},
+}
+# Rooms that are made of ROS; every other module is a core or a node, `*_node.py`.
+ROS_ROOMS = {
+    'dvs_interfaces': {'managed_node', 'demanded_publisher', 'ros_parameters', 'spin'},
+    'dvs_closed_loop': {
+        'closed_loop',
+        'composed_loop',
+        'loop_parameters',
+        'run_recorder',
+    },
+}
+MODULES = {
+    f'{package}.{path.stem}': path
+    for package in BELOW
+    for path in sorted((ROOT / 'src' / package / package).rglob('*.py'))
+}
+
+
+def loaded_at_once(path):
+    """Modules that importing the file imports: neither those for types nor those for later."""
+    pending = list(ast.parse(path.read_text()).body)
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module != '__future__':
+            yield node.module
+        elif isinstance(node, ast.If) and 'TYPE_CHECKING' not in ast.unparse(node.test):
+            pending += [*node.body, *node.orelse]
+        elif isinstance(node, ast.Try | ast.ClassDef | ast.With):
+            pending += node.body
+
+
+def is_ros(module):
+    root = module.partition('.')[0]
+    return root in ('rclpy', 'rcl_interfaces') or root.endswith('_msgs')
+
+
+def is_ros_room(module):
+    package, _, stem = module.rpartition('.')
+    return stem.endswith('_node') or stem in ROS_ROOMS.get(package, ())
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_imports_go_down_the_house(name):
+    package = name.partition('.')[0]
+    ours = {module.partition('.')[0] for module in loaded_at_once(MODULES[name])} & set(BELOW)
+
+    assert ours <= BELOW[package] | {package}
+
+
+@pytest.mark.parametrize('name', [name for name in MODULES if not is_ros_room(name)])
+def test_cores_need_no_ros(name):
+    for module in loaded_at_once(MODULES[name]):
+        assert not is_ros(module), f'{name} imports {module}'
+        assert not is_ros_room(module), f'{name} imports {module}'
+
+
+def test_every_ros_room_is_one():
+    for package, stems in ROS_ROOMS.items():
+        for stem in stems:
+            loaded = set(loaded_at_once(MODULES[f'{package}.{stem}']))
+            assert any(map(is_ros, loaded)), f'{package}.{stem} is a core'
