@@ -32,6 +32,8 @@ WITHOUT_KEY = {'control', 'distributed', 'mcap', 'mpmath', 'rosbags'}
 # Used where they are installed; nothing fails without them.
 OPTIONAL = {'cv2', 'event_camera_msgs'}
 PYPI_NAMES = {'PIL': 'Pillow', 'yaml': 'PyYAML'}
+# A message class that is imported by its name.
+MESSAGE_TYPE = re.compile(r'\w+/msg/\w+')
 NOT_ON_PYPI = re.compile(r'.*_msgs|rcl_interfaces|rclpy|launch|launch_ros|ament_index_python')
 
 
@@ -45,6 +47,8 @@ def imports(path: Path) -> Iterator[str]:
             named = node.args[0]
             if isinstance(named, ast.Constant) and isinstance(named.value, str):
                 yield named.value
+        elif isinstance(node, ast.Constant) and MESSAGE_TYPE.fullmatch(str(node.value)):
+            yield str(node.value).partition('/')[0]
 
 
 def imported(package: Path, *, tests: bool) -> set[str]:
