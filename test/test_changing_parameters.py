@@ -98,7 +98,7 @@ def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
 
 
 def test_the_estimator_follows_a_camera_with_another_threshold(domain, processes):
-    processes.append(start('plant_sim', domain))
+    processes.append(start('plant_sim', domain, ros_arguments({'duration': 0.0})))
     processes.append(start('event_camera', domain, ros_arguments({'event_threshold': 0.1})))
     processes.append(start('hinf_controller', domain))
     with operating(domain) as operator:
