@@ -15,9 +15,9 @@ from ament_index_python.packages import get_package_prefix
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.experimental import EventsExecutor
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from sensor_msgs.msg import JointState, PointCloud2
 
 from dvs_interfaces import topics
@@ -167,6 +167,11 @@ class Operator(Listener):
         return self.call(
             SetParametersAtomically, f'{node}/set_parameters_atomically', request
         ).result
+
+    def parameter(self, node: str, name: str) -> object:
+        request = GetParameters.Request(names=[name])
+        answer = self.call(GetParameters, f'{node}/get_parameters', request)
+        return parameter_value_to_python(answer.values[0])
 
     def hear(self, kind: type, topic: str, qos: object = 10) -> list:
         """List that grows with the messages of a topic."""

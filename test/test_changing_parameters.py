@@ -1,9 +1,11 @@
 """What can sensibly change while the loop runs does; the rest is refused with a reason."""
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from loop_support import operating, ros_arguments, start, stop
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64MultiArray
+from test_health import latest, values
 
 from dvs_hinf_controller.sector import sector
 from dvs_interfaces.scenario import Scenario
@@ -38,6 +40,8 @@ def test_a_new_set_point_is_reached_and_a_bad_one_changes_nothing(domain, proces
         refused = operator.set_parameters('hinf_controller', set_point=[1.0, 1.0])
         assert not refused.successful
         assert 'nearest stabilizable set-point' in refused.reason
+        kept = operator.parameter('hinf_controller', 'set_point')
+        assert list(kept) == list(Scenario.from_values({})['set_point'])
         settle(operator, states, 500)
         assert error(states, [0.2321, -0.0928]) < 0.05
 
@@ -85,9 +89,10 @@ def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
         refused = operator.set_parameters('plant_sim', real_time_factor=2.0, sampling_period=0.01)
         assert not refused.successful
         assert 'sampling_period can only change while the node is not active' in refused.reason
-
         wrong = operator.set_parameters('plant_sim', real_time_factor=-1.0)
         assert not wrong.successful
+        for name in ('real_time_factor', 'sampling_period'):
+            assert operator.parameter('plant_sim', name) == Scenario.from_values({})[name]
 
         # At a twentieth of real time, 1 kHz samples come at 50 Hz.
         assert operator.set_parameters('plant_sim', real_time_factor=0.05).successful
@@ -97,8 +102,38 @@ def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
         assert 20 < len(states) - before < 80
 
 
+def test_tolerance_and_display_change_on_the_way(domain, processes):
+    start_loop(domain, processes)
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+
+        def promised():
+            status = latest(messages, 'hinf_controller')
+            return None if status is None else float(values(status)['h* (published)'])
+
+        assert operator.spin_until(lambda: promised() is not None)
+        before = promised()
+        refused = operator.set_parameters('hinf_controller', tolerance=-1.0)
+        assert not refused.successful
+        assert 'tolerance' in refused.reason
+        assert operator.parameter('hinf_controller', 'tolerance') == 0.05
+        assert operator.set_parameters('hinf_controller', tolerance=0.1).successful
+        assert operator.spin_until(lambda: promised() > before)
+
+        pictures = operator.hear(Image, 'event_image', 100)
+        for rate, period_ms in ((100.0, 10), (250.0, 4)):
+            assert operator.set_parameters('event_camera', display_rate=rate).successful
+            operator.spin_until(lambda: False, timeout_s=0.3)
+            pictures.clear()
+            assert operator.spin_until(lambda: len(pictures) > 5)
+            stamps_ms = [
+                p.header.stamp.sec * 1000 + p.header.stamp.nanosec // 10**6 for p in pictures
+            ]
+            assert set(np.diff(stamps_ms)) == {period_ms}
+
+
 def test_the_estimator_follows_a_camera_with_another_threshold(domain, processes):
-    processes.append(start('plant_sim', domain))
+    processes.append(start('plant_sim', domain, ros_arguments({'duration': 0.0})))
     processes.append(start('event_camera', domain, ros_arguments({'event_threshold': 0.1})))
     processes.append(start('hinf_controller', domain))
     with operating(domain) as operator:

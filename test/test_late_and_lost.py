@@ -1,16 +1,19 @@
 """A controller that starts late, or loses events, becomes exact again by a keyframe."""
 
+import signal
+from dataclasses import replace
+
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from loop_support import CONFIG, operating, ros_arguments, start, stop
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Float64MultiArray
 from test_health import latest, reaches
 
 from dvs_hinf_controller.sector import sector
 from dvs_interfaces import topics
 from dvs_interfaces.events import EventPacket, make_events, pack_events
-from dvs_interfaces.keyframe import Keyframe, pack_keyframe
+from dvs_interfaces.keyframe import Keyframe, pack_keyframe, parse_keyframe
 from dvs_interfaces.scenario import load_scenario
 
 SCENARIO = load_scenario(CONFIG / 'mirror_r3.yaml')
@@ -28,6 +31,13 @@ def packet(stamp_ns, pixels, polarities, first_index):
         first_index=first_index,
     )
     return pack_events(EventPacket(stamp_ns=stamp_ns, events=events))
+
+
+def is_exact(messages, **figures):
+    status = latest(messages, 'hinf_controller')
+    said = {} if status is None else {v.key: v.value for v in status.values}
+    wanted = {'estimator': 'exact', **figures}
+    return status is not None and wanted.items() <= said.items()
 
 
 def expected_estimate(counts):
@@ -56,7 +66,10 @@ def test_a_gap_is_noticed_asked_about_and_put_right(domain, processes):
 
         def keyframe(stamp_ns, counts):
             state = Keyframe(
-                stamp_ns=stamp_ns, counts=np.array(counts), signs=np.ones(3, dtype=np.int8)
+                stamp_ns=stamp_ns,
+                counts=np.array(counts),
+                signs=np.ones(3, dtype=np.int8),
+                moved=np.zeros(3),
             )
             keyframes.publish(pack_keyframe(state, height=1, width=3, signed=False))
 
@@ -109,11 +122,60 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
         processes.append(late)
         messages.clear()
 
-        assert operator.spin_until(
-            lambda: (
-                (status := latest(messages, 'hinf_controller')) is not None
-                and any(v.key == 'estimator' and v.value == 'exact' for v in status.values)
-            )
-        )
+        assert operator.spin_until(lambda: is_exact(messages))
     _, output = stop(late)
     assert 'resynchronised by a keyframe' in output
+
+
+def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, processes):
+    for executable in ('plant_sim', 'event_camera', 'hinf_controller'):
+        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+    plant = processes[0]
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        states = operator.hear(JointState, 'state', 100)
+        estimates = operator.hear(Float64MultiArray, 'estimate', 100)
+        keyframes = []
+        operator.node.create_subscription(
+            Image, 'keyframe', keyframes.append, topics.latched_qos(depth=1), raw=True
+        )
+        asking = operator.node.create_publisher(Empty, 'keyframe_request', topics.stream_qos())
+
+        def passes(samples):
+            seen = len(states)
+            return operator.spin_until(lambda: len(states) > seen + samples, timeout_s=60)
+
+        assert passes(500)
+        for threshold in (0.1, 0.08):
+            assert operator.set_parameters('event_camera', event_threshold=threshold).successful
+            assert passes(300)
+        code, output = stop(processes[-1])
+        assert code == 0, output
+        messages.clear()
+        processes.append(start('hinf_controller', domain))
+        assert operator.spin_until(lambda: is_exact(messages, h='0.08'))
+        assert passes(300)
+        plant.send_signal(signal.SIGSTOP)
+        operator.spin_until(lambda: False, timeout_s=0.5)
+        keyframes.clear()
+        asking.publish(Empty())
+        assert operator.spin_until(lambda: keyframes)
+        assert np.array_equal(estimates[-1].data, estimate_of(keyframes[-1], 0.08))
+        plant.send_signal(signal.SIGCONT)
+    for process in processes:
+        code, output = stop(process)
+        assert code == 0, output
+        assert 'Traceback' not in output
+    assert 'resynchronised by a keyframe: 3 pixels put right' in output
+
+
+def estimate_of(message, event_threshold):
+    """What the counts of a keyframe mean."""
+    keyframe = parse_keyframe(bytes(message))
+    log_b = np.log(SCENARIO['log_base'])
+    growth = np.exp(keyframe.moved * log_b)
+    assert keyframe.moved.all()
+    first = SCENARIO.model_reference_bounds
+    bounds = replace(first, lower=first.lower * growth, upper=first.upper * growth)
+    constants = sector(bounds, event_threshold=event_threshold, log_base=SCENARIO['log_base'])
+    return constants.initial_estimate * np.exp(keyframe.counts * (event_threshold * log_b))

@@ -5,7 +5,14 @@ from loop_support import operating, ros_arguments, start, stop
 
 from dvs_interfaces import topics
 
-NODES = ('plant_sim', 'event_camera', 'hinf_controller')
+SAYS = {'plant_sim': 'luminosity', 'event_camera': 'events', 'hinf_controller': 'command'}
+NODES = tuple(SAYS)
+# What leads from each state to another; all else is refused and changes nothing.
+LEADS_ON = {
+    'unconfigured': {'configure'},
+    'inactive': {'activate', 'cleanup'},
+    'active': {'deactivate'},
+}
 BAD = {
     'plant_sim': {'set_point': [1.0, 1.0]},
     'event_camera': {'photoreceptor': 'signed_log', 'interpolation': 'hermite'},
@@ -18,29 +25,56 @@ GOOD = {
 }
 
 
+def refuses_what_does_not_apply(operator, executable, state):
+    for label in sorted(set().union(*LEADS_ON.values()) - LEADS_ON[state]):
+        assert not operator.transition(executable, label), label
+    return operator.lifecycle_state(executable) == state
+
+
 @pytest.mark.parametrize('executable', NODES)
 def test_a_node_follows_every_transition_and_repeats_the_cycle(executable, domain, processes):
     process = start(executable, domain, ros_arguments({'autostart': False}))
     processes.append(process)
     with operating(domain) as operator:
-        assert operator.lifecycle_state(executable) == 'unconfigured'
         for _ in range(2):
+            assert refuses_what_does_not_apply(operator, executable, 'unconfigured')
             assert operator.transition(executable, 'configure')
-            assert operator.lifecycle_state(executable) == 'inactive'
+            assert refuses_what_does_not_apply(operator, executable, 'inactive')
+            assert operator.spin_until(lambda: topics_of(operator, executable) == 1)
             assert operator.transition(executable, 'activate')
-            assert operator.lifecycle_state(executable) == 'active'
+            assert refuses_what_does_not_apply(operator, executable, 'active')
             assert operator.transition(executable, 'deactivate')
             assert operator.transition(executable, 'activate')
             assert operator.transition(executable, 'deactivate')
             assert operator.lifecycle_state(executable) == 'inactive'
             assert operator.transition(executable, 'cleanup')
-            assert operator.lifecycle_state(executable) == 'unconfigured'
-        assert not operator.transition(executable, 'activate')
-        assert operator.transition(executable, 'shutdown')
-        assert operator.lifecycle_state(executable) == 'finalized'
+            assert operator.spin_until(lambda: topics_of(operator, executable) == 0)
+        assert refuses_what_does_not_apply(operator, executable, 'unconfigured')
+        assert operator.transition(executable, 'configure')
+        assert shuts_down(operator, executable)
     code, output = stop(process)
     assert code == 0, output
     assert 'Traceback' not in output
+
+
+def topics_of(operator, executable):
+    return operator.node.count_publishers(SAYS[executable])
+
+
+def shuts_down(operator, executable):
+    assert operator.transition(executable, 'shutdown')
+    assert operator.lifecycle_state(executable) == 'finalized'
+    assert operator.spin_until(lambda: topics_of(operator, executable) == 0)
+    return not operator.transition(executable, 'configure')
+
+
+def test_a_node_that_was_never_configured_can_be_shut_down(domain, processes):
+    process = start('event_camera', domain, ros_arguments({'autostart': False}))
+    processes.append(process)
+    with operating(domain) as operator:
+        assert shuts_down(operator, 'event_camera')
+    code, output = stop(process)
+    assert code == 0, output
 
 
 @pytest.mark.parametrize('executable', NODES)
@@ -55,6 +89,7 @@ def test_a_failed_configuration_can_be_mended(executable, domain, processes):
         assert operator.transition(executable, 'configure')
         assert operator.transition(executable, 'activate')
         assert operator.lifecycle_state(executable) == 'active'
+        assert shuts_down(operator, executable)
     code, output = stop(process)
     assert code == 0, output
     assert 'FATAL' in output.upper()

@@ -2,7 +2,18 @@
 
 import subprocess
 
-from loop_support import CONFIG, environment, listening, program, run_closed_loop, wait_for
+from loop_support import (
+    CONFIG,
+    environment,
+    listening,
+    operating,
+    program,
+    ros_arguments,
+    run_closed_loop,
+    start,
+    wait_for,
+)
+from sensor_msgs.msg import JointState
 
 from dvs_closed_loop.bag import read_bag
 from dvs_interfaces import topics
@@ -60,6 +71,18 @@ def test_two_loops_run_side_by_side_as_if_alone(domain, new_domain, tmp_path, pr
         together, single = streams_of(tmp_path / 'both', scenario), streams_of(alone, scenario)
         assert len(single[topics.COMMAND]) == 401
         assert together == single, scenario
+
+
+def test_a_remapped_loop_runs(domain, processes):
+    names = {'luminosity': 'scene/y', 'events': 'dvs/ticks', 'command': 'u'}
+    remaps = [word for old, new in names.items() for word in ('-r', f'{old}:={new}')]
+    for executable in ('plant_sim', 'event_camera', 'hinf_controller'):
+        processes.append(start(executable, domain, [*ros_arguments({'duration': 0.0}), *remaps]))
+    with operating(domain) as operator:
+        commands = operator.hear(JointState, names['command'], topics.handshake_qos('lockstep'))
+        assert operator.spin_until(lambda: len(commands) > 200)
+        assert [operator.node.count_publishers(old) for old in names] == [0, 0, 0]
+        assert [operator.node.count_publishers(new) for new in names.values()] == [1, 1, 1]
 
 
 def test_a_namespace_that_is_no_name_is_refused(domain, tmp_path):

@@ -1,11 +1,17 @@
 """The plant on the wall clock, with a controller that does not wait for it."""
 
 import numpy as np
-from loop_support import listening, ros_arguments, start, stop
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from loop_support import listening, operating, ros_arguments, start, stop
 from sensor_msgs.msg import JointState
+from test_health import reaches
 
 from dvs_interfaces import topics
 from dvs_interfaces.messages import Vector, pack_command
+from dvs_interfaces.scenario import Scenario
+from dvs_plant_sim.plant import Plant
+
+PERIOD_S = 0.02
 
 
 def test_a_command_may_come_before_the_first_sample(domain, processes):
@@ -23,3 +29,55 @@ def test_a_command_may_come_before_the_first_sample(domain, processes):
 
     assert code == 0, output
     assert 'run of 1 s finished' in output
+
+
+def follows(states, command):
+    """Whether the last sample follows from the one before with this input."""
+    period_ns = round(PERIOD_S * 1e9)
+    before = np.array(states[-2].position)
+    plant = Plant(Scenario.from_values({}).model, initial_state=before, period_ns=period_ns)
+    plant.advance(period_ns, command)
+    return np.allclose(plant.state, states[-1].position, rtol=1e-9)
+
+
+def test_a_command_that_grows_old_is_held_or_replaced_or_ends_the_run(domain, processes):
+    command = np.array([-0.1])
+    parameters = {
+        'mode': 'realtime',
+        'sampling_period': PERIOD_S,
+        'duration': 0.0,
+        'nonphysical_luminosity': 'clamp',
+        'command_timeout': 0.3,
+    }
+    answers = {
+        'hold': command,
+        'equilibrium': Scenario.from_values({}).equilibrium.feedforward,
+        'stop': None,
+    }
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        states, publishers = {}, {}
+        for policy in answers:
+            arguments = ros_arguments({**parameters, 'stale_command': policy})
+            processes.append(start('plant_sim', domain, [*arguments, '-r', f'__ns:=/{policy}']))
+            states[policy] = operator.hear(JointState, f'{policy}/state', 100)
+            publishers[policy] = operator.node.create_publisher(
+                JointState, f'{policy}/command', topics.handshake_qos('realtime')
+            )
+        assert operator.spin_until(
+            lambda: (
+                all(states.values())
+                and all(p.get_subscription_count() for p in publishers.values())
+            )
+        )
+        for publisher in publishers.values():
+            publisher.publish(pack_command(Vector(stamp_ns=0, names=('u1',), values=command)))
+        for policy in ('hold', 'equilibrium'):
+            warns = DiagnosticStatus.WARN
+            assert reaches(operator, messages, f'{policy}/plant_sim', warns, 'command is stale')
+            assert operator.spin_until(lambda p=policy: follows(states[p], answers[p])), policy
+        assert operator.spin_until(lambda: processes[-1].poll() is not None)
+    for policy, process in zip(answers, processes, strict=True):
+        code, output = stop(process)
+        assert code == (policy == 'stop')
+        assert f's old (stale_command: {policy})' in output

@@ -9,6 +9,8 @@ from dvs_event_camera.image_source import parse_luminosity
 from dvs_hinf_controller.design import design_from_scenario
 from dvs_hinf_controller.event_controller import EventController
 from dvs_hinf_controller.sector import sector
+from dvs_interfaces.events import NO_EVENTS, EventPacket
+from dvs_interfaces.keyframe import Keyframe, pack_keyframe, parse_keyframe
 from dvs_interfaces.messages import pack_image
 from dvs_interfaces.scenario import Scenario
 
@@ -22,7 +24,7 @@ PERIOD_NS = 1_000_000
     thresholds=st.lists(st.floats(0.02, 0.4), min_size=1, max_size=3),
     steps=st.lists(st.floats(-0.2, 0.2), min_size=60, max_size=60),
 )
-def test_the_estimate_stays_in_its_sector_through_changes(thresholds, steps):
+def test_the_estimate_stays_in_its_sector_and_a_late_one_finds_it(thresholds, steps):
     camera = EventCamera.of_scenario(SCENARIO)
     controller = EventController(
         DESIGN.problem, DESIGN.controller, event_threshold=0.15, command_limit=np.array([np.inf])
@@ -30,6 +32,7 @@ def test_the_estimate_stays_in_its_sector_through_changes(thresholds, steps):
     first = SCENARIO.scene.luminosity(SCENARIO.model, SCENARIO.initial_state)
     walk = np.concatenate([[0.0], np.cumsum(steps)])
     changes = dict(zip((15, 30, 45), thresholds, strict=False))
+    moved = np.zeros(3)
     for k, level in enumerate(walk):
         stamp_ns = k * PERIOD_NS
         y = first * np.exp(level)
@@ -44,5 +47,23 @@ def test_the_estimate_stays_in_its_sector_through_changes(thresholds, steps):
         ratio = np.abs(controller.estimate - y) / (bound * y)
         assert ratio.max() <= 1 + 1e-9
         if k in changes:
+            moved = moved + camera.pixels.counts * controller.event_threshold
             camera.change_event_threshold(SCENARIO.replace(event_threshold=changes[k]))
             assert controller.announce_threshold(stamp_ns, changes[k])
+
+    late = EventController(
+        DESIGN.problem,
+        DESIGN.controller,
+        event_threshold=controller.event_threshold,
+        command_limit=np.array([np.inf]),
+    )
+    late.take(EventPacket(stamp_ns=stamp_ns, events=NO_EVENTS))
+    keyframe = Keyframe(
+        stamp_ns=stamp_ns,
+        counts=camera.pixels.counts.astype(np.int64),
+        signs=camera.pixels.signs,
+        moved=moved,
+    )
+    late.take_keyframe(parse_keyframe(pack_keyframe(keyframe, height=1, width=3, signed=False)))
+    assert controller.take_keyframe(keyframe).resynchronised_pixels == 0
+    assert late.estimate.tobytes() == controller.estimate.tobytes()

@@ -94,6 +94,8 @@ class EventCameraNode(ManagedNode):
         self._restarts_reported = self._on_events = 0
         self._next_threshold: float | None = None
         self._announced_threshold: float | None = None
+        # log_b |q / q(0)| when the present counting began.
+        self._moved = np.zeros(1)
 
     def change(self, scenario: Scenario) -> Callable[[], None]:
         """Change threshold or display; see `ManagedNode.change`."""
@@ -123,8 +125,9 @@ class EventCameraNode(ManagedNode):
         self._take(parse_compressed(message))
 
     def _take(self, frame: LuminosityFrame) -> None:
-        if self._announced_threshold is not None:
-            self._change_threshold(frame.stamp_ns)
+        counts_anew = self._announced_threshold is not None and self._change_threshold(
+            frame.stamp_ns
+        )
         try:
             exposure = self._camera.take(frame)
         except ParameterError as error:
@@ -140,12 +143,13 @@ class EventCameraNode(ManagedNode):
                 f'sensor started again, all references with it: {exposure.restart_reason}'
             )
         if exposure.started:
+            self._moved = np.zeros(frame.pixels.size)
             self._announce_threshold(frame.stamp_ns, self._scenario['event_threshold'])
         if self._next_threshold is not None:
             self._announce_change(frame.stamp_ns, self._next_threshold)
         for packet in exposure.packets:
             self._publish(packet)
-        self._publish_keyframe(frame.stamp_ns, due_now=exposure.started)
+        self._publish_keyframe(frame.stamp_ns, due_now=exposure.started or counts_anew)
         self._report_invalid()
         if self._image.wanted:
             self._draw(exposure, frame.stamp_ns)
@@ -158,14 +162,16 @@ class EventCameraNode(ManagedNode):
             pack_command(Vector(stamp_ns=after_ns, names=('event_threshold',), values=h))
         )
 
-    def _change_threshold(self, stamp_ns: int) -> None:
+    def _change_threshold(self, stamp_ns: int) -> bool:
         """Fire at the threshold that was announced with the last frame, if this is another one."""
         pixels = self._camera.pixels
-        if pixels is not None and pixels.stamp_ns == stamp_ns:
-            return
+        if pixels is None or pixels.stamp_ns == stamp_ns:
+            return False
+        self._moved = self._moved + pixels.counts * self._scenario['event_threshold']
         self._scenario = self._scenario.replace(event_threshold=self._announced_threshold)
         self._camera.change_event_threshold(self._scenario)
         self._announced_threshold = None
+        return True
 
     def _announce_change(self, stamp_ns: int, event_threshold: float) -> None:
         """Say before the next frame at which threshold it will be seen."""
@@ -200,7 +206,10 @@ class EventCameraNode(ManagedNode):
         assert pixels is not None
         height, width = self._camera.shape
         keyframe = Keyframe(
-            stamp_ns=stamp_ns, counts=pixels.counts.astype(np.int64), signs=pixels.signs
+            stamp_ns=stamp_ns,
+            counts=pixels.counts.astype(np.int64),
+            signs=pixels.signs,
+            moved=self._moved,
         )
         signed = self._scenario['photoreceptor'] == 'signed_log'
         self._keyframe.publish(pack_keyframe(keyframe, height=height, width=width, signed=signed))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_hinf_controller.sector import sector
+from dvs_interfaces.keyframe import Keyframe
 from dvs_interfaces.model import FloatArray, ReferenceBounds
 
 
@@ -30,11 +31,17 @@ class Estimator:
         self._log_base = log_base
         self.counts: NDArray[np.int64] = np.zeros(bounds.lower.size, dtype=np.int64)
         self.signs: NDArray[np.int8] = np.ones(bounds.lower.size, dtype=np.int8)
-        self._start_epoch(bounds, event_threshold)
+        self._first_bounds = bounds
+        self._start_epoch(np.zeros(bounds.lower.size), event_threshold)
         self.estimate = self._initial.copy()
 
-    def _start_epoch(self, bounds: ReferenceBounds, event_threshold: float) -> None:
-        self._bounds = bounds
+    def _start_epoch(self, moved: FloatArray, event_threshold: float) -> None:
+        """Begin to count at zero where every reference is b^moved times what it was at first."""
+        growth = np.exp(moved * math.log(self._log_base))
+        bounds = ReferenceBounds(
+            lower=self._first_bounds.lower * growth, upper=self._first_bounds.upper * growth
+        )
+        self._moved = moved
         self.event_threshold = event_threshold
         self._log_step = event_threshold * math.log(self._log_base)
         self._initial = sector(
@@ -52,25 +59,24 @@ class Estimator:
         event_threshold
             New h.
         """
-        growth = np.exp(self.counts * self._log_step)
-        bounds = ReferenceBounds(
-            lower=self._bounds.lower * growth, upper=self._bounds.upper * growth
-        )
+        moved = self._moved + self.counts * self.event_threshold
         self.counts = np.zeros_like(self.counts)
-        self._start_epoch(bounds, event_threshold)
+        self._start_epoch(moved, event_threshold)
         self.estimate = self.signs * self._initial
 
-    def adopt(self, counts: NDArray[np.int64], signs: NDArray[np.int8]) -> int:
+    def adopt(self, keyframe: Keyframe) -> int:
         """Take over counts from the sensor itself; return how many pixels they change.
 
         Parameters
         ----------
-        counts
-            N of every pixel, shape (r,).
-        signs
-            Sign of every reference, shape (r,).
+        keyframe
+            State of the sensor at this instant and this threshold.
         """
-        wrong = np.flatnonzero((counts != self.counts) | (signs != self.signs))
+        counts, signs, moved = keyframe.counts, keyframe.signs, keyframe.moved
+        is_wrong = (counts != self.counts) | (signs != self.signs) | (moved != self._moved)
+        if not np.array_equal(moved, self._moved):
+            self._start_epoch(moved, self.event_threshold)
+        wrong = np.flatnonzero(is_wrong)
         self.counts[wrong] = counts[wrong]
         self.signs[wrong] = signs[wrong]
         self.estimate[wrong] = (

@@ -140,11 +140,14 @@ class EventController:
         Returns
         -------
         bool
-            False if later events have already been counted at the present threshold.
+            False if later events have already been counted at the present threshold: the new one
+            holds at once, but only a keyframe can tell where the references are.
         """
         if event_threshold == self.event_threshold:
             return True
         if self._stamp_ns is not None and self._stamp_ns > after_ns:
+            self._change_threshold(event_threshold)
+            self._synchroniser.give_up()
             return False
         self._threshold_change = after_ns, event_threshold
         return True
@@ -294,7 +297,7 @@ class EventController:
         keyframe = self._synchroniser.resolve(self._stamp_ns)
         if keyframe is None:
             return None
-        corrected = self._estimator.adopt(keyframe.counts, keyframe.signs)
+        corrected = self._estimator.adopt(keyframe)
         if corrected:
             self._deviation = self._mean_deviation()
         return corrected
@@ -306,9 +309,11 @@ class EventController:
         return self.event_threshold
 
     def _change_threshold_before(self, stamp_ns: int) -> None:
-        if self._threshold_change is None or stamp_ns <= self._threshold_change[0]:
-            return
-        self._estimator.change_threshold(self._threshold_change[1])
+        if self._threshold_change is not None and stamp_ns > self._threshold_change[0]:
+            self._change_threshold(self._threshold_change[1])
+
+    def _change_threshold(self, event_threshold: float) -> None:
+        self._estimator.change_threshold(event_threshold)
         self._synchroniser.start_epoch()
         self._threshold_change = None
         self._deviation = self._mean_deviation()

@@ -92,7 +92,6 @@ class HinfControllerNode(ManagedNode):
         self._lost_events = self._resynchronisations = 0
         self._events = self._on_events = self._packets = 0
         self._event_rate, self._packet_rate = RateMeter(), RateMeter()
-        self._misunderstood_threshold: float | None = None
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
@@ -146,18 +145,17 @@ class HinfControllerNode(ManagedNode):
         event_threshold = float(announcement.values[0])
         running = self._controller.event_threshold
         if self._controller.announce_threshold(announcement.stamp_ns, event_threshold):
-            self._misunderstood_threshold = None
             if event_threshold != running:
                 self.get_logger().warning(
                     f'event_camera goes from h = {running:g} to {event_threshold:g}, '
                     'the estimator with it'
                 )
             return
-        self._misunderstood_threshold = event_threshold
         self.get_logger().error(
             f'event_camera fires at h = {event_threshold:g}, the estimator has counted at h = '
-            f'{running:g}: the estimate is wrong; restart hinf_controller with the same h'
+            f'{running:g}: the estimate is wrong until a keyframe puts it right'
         )
+        self._ask_for_keyframe()
 
     def _say(self, report: PacketReport, stamp_ns: int) -> None:
         if report.restarted:
@@ -211,8 +209,6 @@ class HinfControllerNode(ManagedNode):
             troubles.append(Trouble(level=Level.STALE, message='no events arrive'))
         if self._controller.synchrony is Synchrony.LOST:
             troubles.append(Trouble(level=Level.ERROR, message='events lost, estimate biased'))
-        if self._misunderstood_threshold is not None:
-            troubles.append(Trouble(level=Level.ERROR, message='camera fires at another h'))
         if event_threshold > self._design.figures.h_star:
             troubles.append(Trouble(level=Level.WARN, message='h exceeds h*'))
         return troubles

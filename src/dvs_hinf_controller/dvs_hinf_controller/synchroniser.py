@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -97,9 +97,17 @@ class Synchroniser:
         self._next_index = None
 
     def start_epoch(self) -> None:
-        """Forget packets and keyframes: the sensor counts from zero again."""
+        """Forget packets and keyframes: the sensor counts from zero again, and shall verify it."""
         self._recent.clear()
         self._pending = None
+        if self.state is Synchrony.EXACT:
+            self.state = Synchrony.UNVERIFIED
+
+    def give_up(self) -> None:
+        """Trust no count before the next keyframe."""
+        self._recent.clear()
+        self._pending = None
+        self.state = Synchrony.LOST
 
     def offer(self, keyframe: Keyframe) -> None:
         """Take a keyframe, of the past or of a packet still to come.
@@ -137,4 +145,4 @@ class Synchroniser:
             if packet.stamp_ns > keyframe.stamp_ns:
                 np.add.at(counts, packet.pixels, packet.polarities)
                 signs[packet.pixels] = packet.signs
-        return Keyframe(stamp_ns=stamp_ns, counts=counts, signs=signs)
+        return replace(keyframe, stamp_ns=stamp_ns, counts=counts, signs=signs)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.event_controller import EventController
+from dvs_hinf_controller.event_controller import EventController, PacketReport
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sector import sector
 from dvs_hinf_controller.synchroniser import Synchrony
@@ -341,13 +341,23 @@ COURSE = [
 ]
 
 
+def keyframe(stamp_ns, counts, signs=1, moved=0.0):
+    counts = np.array(counts, np.int64)
+    return Keyframe(
+        stamp_ns=stamp_ns,
+        counts=counts,
+        signs=np.broadcast_to(signs, counts.shape).astype(np.int8),
+        moved=np.broadcast_to(moved, counts.shape).astype(np.float64),
+    )
+
+
 def keyframe_after(packets):
     """What the sensor says of its counts after these packets."""
     sensor = OneAtATime(CONTROLLERS['static'])
     for one in packets:
         sensor.take(one)
     signs = np.sign(sensor.estimate).astype(np.int8)
-    return Keyframe(stamp_ns=packets[-1].stamp_ns, counts=sensor.counts.copy(), signs=signs)
+    return keyframe(packets[-1].stamp_ns, sensor.counts, signs=signs)
 
 
 @pytest.mark.parametrize('told', [2, 3, 4, 5], ids='told at {}'.format)
@@ -390,10 +400,21 @@ def test_a_keyframe_confirms_what_was_counted():
 
 
 def test_a_keyframe_of_another_array_is_refused():
-    keyframe = Keyframe(stamp_ns=0, counts=np.zeros(2, np.int64), signs=np.ones(2, np.int8))
-
     with pytest.raises(MessageError, match='keyframe of 2 pixels, the array has 6'):
-        running().take_keyframe(keyframe)
+        running().take_keyframe(keyframe(0, [0, 0]))
+
+
+def test_a_keyframe_tells_where_references_were_when_counting_began():
+    found = running()
+    first = found.estimate.copy()
+    found.take(packet(MS, [], 0))
+    moved = np.linspace(-1, 1, PIXELS)
+
+    assert found.take_keyframe(keyframe(MS, np.arange(PIXELS), moved=moved)) == PacketReport(
+        resynchronised_pixels=PIXELS
+    )
+    growth = PROBLEM.log_base ** (moved + np.arange(PIXELS) * H)
+    np.testing.assert_allclose(found.estimate, first * growth, rtol=1e-14)
 
 
 # -- changes on the way ---------------------------------------------------------------------------
@@ -418,15 +439,22 @@ def test_a_new_threshold_starts_from_where_the_references_are():
     np.testing.assert_allclose(found.estimate, initial_estimate(bounds, 0.05), rtol=1e-12)
 
 
-def test_a_threshold_announced_too_late_is_not_taken():
+def test_a_threshold_announced_too_late_needs_a_keyframe():
     found = running()
-    found.take(packet(0))
-    found.take(packet(2 * MS))
+    for one in packets_of(COURSE):
+        found.take(one)
 
-    assert not found.announce_threshold(MS, 0.05)
     assert found.announce_threshold(MS, H)
-    found.take(packet(3 * MS))
-    assert found.event_threshold == H
+    assert not found.announce_threshold(MS, 0.05)
+    assert found.event_threshold == 0.05
+    assert found.synchrony is Synchrony.LOST
+
+    counts, moved = np.arange(PIXELS), np.full(PIXELS, 3 * H)
+    found.take_keyframe(keyframe(len(COURSE) * MS, counts, moved=moved))
+    assert found.synchrony is Synchrony.EXACT
+    bounds = ReferenceBounds(lower=LOWER * 2 ** (3 * H), upper=UPPER * 2 ** (3 * H))
+    expected = initial_estimate(bounds, 0.05) * 2.0 ** (counts * 0.05)
+    np.testing.assert_allclose(found.estimate, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize('taken', [True, False], ids=['taken', 'announced'])
@@ -488,13 +516,7 @@ def test_looking_ahead_changes_no_bit(sequence):
         stamp_ns = 0 if happening == 'back' else stamp_ns + duration_ns
         for controller in (plain, ahead):
             if happening == 'keyframe':
-                controller.take_keyframe(
-                    Keyframe(
-                        stamp_ns=stamp_ns,
-                        counts=np.arange(PIXELS),
-                        signs=np.ones(PIXELS, np.int8),
-                    )
-                )
+                controller.take_keyframe(keyframe(stamp_ns, np.arange(PIXELS)))
             elif happening == 'redirect':
                 further = dataclasses.replace(
                     PROBLEM, equilibrium=PROBLEM.model.equilibrium([0.3, 0.2], tolerance=1e-9)

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.messages import pack_image, parse_image
+from dvs_interfaces.model import FloatArray
+
+# Type and number of channels; the first is N, the second the sign, the third what moved.
+_CHANNELS = {'32SC1': ('<i4', 1), '32SC2': ('<i4', 2), '64FC3': ('<f8', 3)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,18 +24,24 @@ class Keyframe:
     stamp_ns
         Sample after whose events the counts hold, ns.
     counts
-        N, sum of the polarities so far, shape (r,), int64.
+        N, sum of the polarities since counting began at zero, shape (r,), int64.
     signs
         Sign of every reference, shape (r,), int8.
+    moved
+        ``log_b |q / q(0)|`` when that counting began, shape (r,): 0 at the first sample, and the
+        sum of N h over all former thresholds after live changes of the threshold.
     """
 
     stamp_ns: int
     counts: NDArray[np.int64]
     signs: NDArray[np.int8]
+    moved: FloatArray
 
 
 def pack_keyframe(keyframe: Keyframe, *, height: int, width: int, signed: bool) -> bytes:
     """Serialized sensor_msgs/Image: `32SC1` with N, or `32SC2` with N and the sign.
+
+    `64FC3` with N, sign and what moved, where counting began anew with another threshold.
 
     Parameters
     ----------
@@ -44,11 +54,15 @@ def pack_keyframe(keyframe: Keyframe, *, height: int, width: int, signed: bool) 
     signed
         Whether references can be negative, so that their signs must travel too.
     """
-    counts = keyframe.counts.astype('<i4').reshape(height, width)
-    if not signed:
-        return pack_image(keyframe.stamp_ns, counts, '32SC1')
-    signs = keyframe.signs.astype('<i4').reshape(height, width)
-    return pack_image(keyframe.stamp_ns, np.stack([counts, signs], axis=-1), '32SC2')
+    encoding = '64FC3' if keyframe.moved.any() else '32SC2' if signed else '32SC1'
+    kind, channels = _CHANNELS[encoding]
+    parts = [
+        keyframe.counts.astype(kind),
+        keyframe.signs.astype(kind),
+        keyframe.moved.astype(kind),
+    ]
+    pixels = np.stack(parts[:channels], axis=-1).reshape(height, width, channels)
+    return pack_image(keyframe.stamp_ns, pixels, encoding)
 
 
 def parse_keyframe(message: bytes) -> Keyframe:
@@ -62,20 +76,22 @@ def parse_keyframe(message: bytes) -> Keyframe:
     Raises
     ------
     MessageError
-        If the encoding is neither `32SC1` nor `32SC2`, or the rows are not packed, or the message
-        is cut short.
+        If the encoding is none of `32SC1`, `32SC2` and `64FC3`, or the rows are not packed, or the
+        message is cut short.
     """
     frame = parse_image(message)
     form = frame.format
-    channels = {'32SC1': 1, '32SC2': 2}.get(form.encoding, 0)
-    if not channels or form.big_endian or form.step != 4 * channels * form.width:
+    kind, channels = _CHANNELS.get(form.encoding, ('<i4', 0))
+    row = np.dtype(kind).itemsize * channels * form.width
+    if not channels or form.big_endian or form.step != row:
         raise MessageError(
-            f'keyframe must be little-endian 32SC1 or 32SC2 with packed rows, is {form.encoding}'
+            'keyframe must be little-endian 32SC1, 32SC2 or 64FC3 with packed rows, is '
+            f'{form.encoding}'
         )
-    pixels = np.frombuffer(frame.data, dtype='<i4').reshape(-1, channels)
-    signs = pixels[:, 1] if channels == 2 else np.ones(len(pixels))
+    pixels = np.frombuffer(frame.data, dtype=kind).reshape(-1, channels)
     return Keyframe(
         stamp_ns=frame.stamp_ns,
         counts=pixels[:, 0].astype(np.int64),
-        signs=signs.astype(np.int8),
+        signs=(pixels[:, 1] if channels > 1 else np.ones(len(pixels))).astype(np.int8),
+        moved=pixels[:, 2].astype(np.float64) if channels > 2 else np.zeros(len(pixels)),
     )

@@ -90,7 +90,11 @@ class RealtimeDriver:
     def _tick(self) -> None:
         now_ns = self._now_ns()
         sample = (now_ns - self._start_ns) // self._period_ns
-        if sample <= self._sample:
+        if sample < self._sample:
+            self._node.get_logger().warning('the clock went back: the plant starts anew')
+            self._node.activate()
+            return
+        if sample == self._sample:
             return
         self._skipped += sample - self._sample - 1
         self._samples += 1

@@ -1,0 +1,134 @@
+"""Time that goes back: plant, camera and controller begin anew, and the loop is whole again."""
+
+import math
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from loop_support import operating, ros_arguments, start, stop
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from test_health import latest, values
+
+from dvs_interfaces import topics
+from dvs_interfaces.messages import parse_command
+from dvs_interfaces.scenario import Scenario
+
+NODES = ('event_camera', 'hinf_controller', 'plant_sim')
+PERIOD_S = 0.01
+
+
+def start_loop(domain, processes, **parameters):
+    for executable in NODES:
+        arguments = ros_arguments({'duration': 0.0, **parameters})
+        processes.append(start(executable, domain, arguments))
+
+
+def outputs(processes):
+    found = []
+    for process in processes:
+        code, output = stop(process)
+        assert code == 0, output
+        assert 'Traceback' not in output
+        found.append(output)
+    return found
+
+
+def is_exact(messages):
+    status = latest(messages, 'hinf_controller')
+    return status is not None and values(status)['estimator'] == 'exact'
+
+
+def test_a_lockstep_plant_that_starts_again_gets_the_same_commands(domain, processes):
+    start_loop(domain, processes)
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        commands = operator.streams[topics.COMMAND]
+        assert operator.spin_until(lambda: len(commands) > 100)
+        runs = []
+        for _ in range(2):
+            assert operator.transition('plant_sim', 'deactivate')
+            operator.spin_until(lambda: False, timeout_s=0.3)
+            commands.clear()
+            assert operator.transition('plant_sim', 'activate')
+            assert operator.spin_until(lambda: len(commands) > 300)
+            runs.append(list(commands[:300]))
+        messages.clear()
+        assert operator.spin_until(lambda: is_exact(messages))
+    camera, controller, _ = outputs(processes)
+
+    assert parse_command(runs[0][0]).stamp_ns == 0
+    assert runs[0] == runs[1]
+    assert 'sensor started again' in camera
+    assert 'time went back: the estimator and K start anew' in controller
+
+
+def test_a_clock_that_goes_back_starts_a_realtime_loop_again(domain, processes):
+    start_loop(
+        domain,
+        processes,
+        mode='realtime',
+        use_sim_time=True,
+        sampling_period=PERIOD_S,
+        nonphysical_luminosity='clamp',
+    )
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        states = operator.hear(JointState, 'state', 100)
+        clock = operator.node.create_publisher(Clock, '/clock', topics.clock_qos())
+        time_s = 100.0
+
+        def tick():
+            nonlocal time_s
+            time_s += PERIOD_S
+            seconds = math.floor(time_s)
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = seconds, int((time_s - seconds) * 1e9)
+            clock.publish(message)
+
+        operator.node.create_timer(PERIOD_S, tick)
+        assert operator.spin_until(lambda: is_exact(messages) and len(states) > 150)
+        assert states[-1].header.stamp.sec >= 100
+        time_s = 5.0
+        assert operator.spin_until(lambda: states[-1].header.stamp.sec < 100)
+        again = next(s for s in states if s.header.stamp.sec < 100)
+        messages.clear()
+        seen = len(states)
+        assert operator.spin_until(lambda: is_exact(messages) and len(states) > seen + 100)
+        stamps = [s.header.stamp.sec + s.header.stamp.nanosec * 1e-9 for s in states[seen:]]
+    camera, controller, plant = outputs(processes)
+
+    # A command on its way when the clock went back may still have moved it.
+    assert again.position == pytest.approx(Scenario.from_values({})['initial_state'], abs=0.03)
+    assert stamps == sorted(stamps)
+    assert 'the clock went back: the plant starts anew' in plant
+    assert 'sensor started again' in camera
+    assert 'time went back: the estimator and K start anew' in controller
+
+
+def test_a_controller_that_is_deactivated_leaves_the_input_that_holds(domain, processes):
+    start_loop(
+        domain,
+        processes,
+        mode='realtime',
+        sampling_period=PERIOD_S,
+        nonphysical_luminosity='clamp',
+    )
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        commands = operator.hear(JointState, 'command', topics.handshake_qos('realtime'))
+        assert operator.spin_until(lambda: len(commands) > 20)
+        assert operator.transition('hinf_controller', 'deactivate')
+        operator.spin_until(lambda: False, timeout_s=0.5)
+        heard = len(commands)
+        operator.spin_until(lambda: False, timeout_s=0.5)
+        assert len(commands) == heard
+        assert operator.spin_until(lambda: latest(messages, 'plant_sim') is not None)
+        figures = values(latest(messages, 'plant_sim'))
+    outputs(processes)
+
+    holding = Scenario.from_values({}).equilibrium.feedforward
+    assert commands[-1].effort == pytest.approx(holding)
+    assert not np.allclose(commands[-2].effort, holding)
+    assert float(figures['worst sampling jitter [ms]']) > 0
+    assert float(figures['samples skipped']) >= 0
