@@ -63,6 +63,7 @@ def test_a_lockstep_plant_that_starts_again_gets_the_same_commands(domain, proce
     assert 'time went back: the estimator and K start anew' in controller
 
 
+@pytest.mark.wall_clock
 def test_a_clock_that_goes_back_starts_a_realtime_loop_again(domain, processes):
     start_loop(
         domain,

@@ -94,6 +94,7 @@ def test_in_lockstep_a_delay_costs_time_but_changes_no_bit(
     assert json.loads((across / 'result.json').read_text())['wall_seconds'] > 0.5 * delay_ms
 
 
+@pytest.mark.wall_clock
 def test_in_realtime_it_regulates_over_five_milliseconds(domain, tmp_path, processes):
     file = tmp_path / 'pendulum.yaml'
     text = (CONFIG / 'pendulum.yaml').read_text()

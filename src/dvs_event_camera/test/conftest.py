@@ -1,19 +1,14 @@
 """A graph of real processes over real DDS, each test in a domain of its own."""
 
 import contextlib
-import fcntl
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from pathlib import Path
 
 import pytest
 
-# Below those that the tests of the whole suite draw from.
-_FIRST_DOMAIN, _LAST_DOMAIN = 1, 9
 _PATIENCE_S = 30.0
 _STUB = (
     'import sys, types\n'
@@ -118,22 +113,7 @@ class Graph:
 
 
 @pytest.fixture
-def graph():
-    """Graph in a domain that no other test of this machine uses at the moment."""
-    with contextlib.ExitStack() as stack:
-        made = Graph(_free_domain(stack))
-        stack.callback(made.close)
+def graph(domain):
+    """Graph in a domain of its own."""
+    with contextlib.closing(Graph(domain)) as made:
         yield made
-
-
-def _free_domain(stack):
-    """Domain whose lock file this process holds; the system frees it whatever happens."""
-    for domain in range(_FIRST_DOMAIN, _LAST_DOMAIN + 1):
-        path = Path(tempfile.gettempdir()) / f'dvs_event_camera_domain_{domain}.lock'
-        lock = stack.enter_context(path.open('a'))
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            continue
-        return domain
-    pytest.skip('no free ROS domain')
