@@ -26,8 +26,8 @@ beside `0.5`, not `1`.
 Names that begin with `plant.` are those of a plant node other than `plant_sim`: that node alone
 knows and checks them.
 
-*Live*: may be changed while the node is active (`ros2 param set`); the others only before a node
-is activated.
+*Live*: may be changed while the node is active (`ros2 param set`); the others while it is not, and
+hold from its next activation on; *never*: fixed when the node starts.
 
 | parameter | type | unit | range | default | nodes | live | meaning |
 |---|---|---|---|---|---|---|---|
@@ -76,7 +76,7 @@ def row(spec: ParameterSpec) -> str:
         allowed,
         f'`{as_yaml(spec.default)}`',
         ', '.join(sorted(spec.nodes)) or 'tools',
-        'yes' if spec.dynamic else '',
+        'yes' if spec.dynamic else 'never' if spec.read_only else '',
         spec.description,
     )
     return f'| {" | ".join(cell(text) for text in cells)} |\n'

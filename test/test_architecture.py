@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-MIDDLE = {'dvs_plant_sim', 'dvs_event_camera', 'dvs_hinf_controller'}
+MIDDLE = ('dvs_plant_sim', 'dvs_event_camera', 'dvs_hinf_controller')
 BELOW = {
     'dvs_interfaces': set(),
     **{package: {'dvs_interfaces'} for package in MIDDLE},
-    'dvs_closed_loop': MIDDLE | {'dvs_interfaces'},
+    'dvs_closed_loop': {*MIDDLE, 'dvs_interfaces'},
 }
 # Rooms that are made of ROS; every other module is a core or a node, `*_node.py`.
 ROS_ROOMS = {

@@ -1,9 +1,12 @@
 """All three nodes are managed: every transition, failed ones and repeated cycles included."""
 
+import numpy as np
 import pytest
 from loop_support import operating, ros_arguments, start, stop
+from sensor_msgs.msg import Image
 
 from dvs_interfaces import topics
+from dvs_interfaces.scenario import Scenario
 
 SAYS = {'plant_sim': 'luminosity', 'event_camera': 'events', 'hinf_controller': 'command'}
 NODES = tuple(SAYS)
@@ -94,6 +97,52 @@ def test_a_failed_configuration_can_be_mended(executable, domain, processes):
     assert code == 0, output
     assert 'FATAL' in output.upper()
     assert 'Traceback' not in output
+
+
+@pytest.mark.parametrize('executable', NODES)
+def test_what_is_set_while_inactive_holds_from_the_activation_on(executable, domain, processes):
+    process = start(executable, domain, ros_arguments({'autostart': False}))
+    processes.append(process)
+    with operating(domain) as operator:
+        assert operator.transition(executable, 'configure')
+        assert operator.set_parameters(executable, **BAD[executable]).successful
+        assert not operator.transition(executable, 'activate')
+        assert operator.lifecycle_state(executable) == 'inactive'
+        assert operator.set_parameters(executable, **GOOD[executable]).successful
+        assert operator.transition(executable, 'activate')
+        assert operator.lifecycle_state(executable) == 'active'
+        assert topics_of(operator, executable) == 1
+    code, output = stop(process)
+    assert code == 0, output
+    assert 'Traceback' not in output
+
+
+def test_a_plant_starts_where_it_was_told_to_while_inactive(domain, processes):
+    plant = start('plant_sim', domain, ros_arguments({'autostart': False}))
+    processes.append(plant)
+    with operating(domain) as operator:
+        images = operator.hear(Image, 'luminosity')
+        for initial_state in ([0.5, 0.1], [0.4, 0.2]):
+            assert operator.transition('plant_sim', 'configure')
+            assert operator.set_parameters('plant_sim', initial_state=initial_state).successful
+            assert operator.transition('plant_sim', 'activate')
+            images.clear()
+            assert operator.spin_until(lambda: len(images) > 0)
+            y = np.frombuffer(bytes(images[-1].data))
+            expected = np.dot(Scenario.from_values({}).model.output_vector, initial_state)
+            assert y[0] == pytest.approx(expected, rel=1e-12)
+            assert operator.transition('plant_sim', 'deactivate')
+            assert operator.transition('plant_sim', 'cleanup')
+
+
+def test_what_is_fixed_at_the_start_cannot_be_set(domain, processes):
+    processes.append(start('event_camera', domain, ros_arguments({'autostart': False})))
+    with operating(domain) as operator:
+        result = operator.set_parameters('event_camera', autostart=True)
+
+        assert not result.successful
+        assert 'read-only' in result.reason
+        assert operator.parameter('event_camera', 'autostart') is False
 
 
 def test_the_loop_stops_and_goes_on_with_its_controller(domain, processes):

@@ -74,6 +74,7 @@ class ManagedNode(LifecycleNode):
         self._heard_s: dict[str, float] = {}
         self._active_since_s = 0.0
         self._accepted_change: Callable[[], None] | None = None
+        self._configured: Scenario | None = None
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
         self._demanded: list[DemandedPublisher] = []
         self._schema = SCHEMA if own_parameters is None else SCHEMA.closed(own_parameters)
@@ -290,7 +291,10 @@ class ManagedNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave `state`: open the valves."""
+        """Leave `state`: open the valves, after a configuration for what has been set since."""
+        if not self._succeeds(self._keep_up):
+            self._destroy_entities()
+            return TransitionCallbackReturn.FAILURE
         self.is_active = True
         self._active_since_s = time.monotonic()
         self._heard_s.clear()
@@ -316,8 +320,15 @@ class ManagedNode(LifecycleNode):
         self._destroy_entities()
         return super().on_shutdown(state)
 
+    def _keep_up(self) -> None:
+        scenario = self.scenario()
+        if self._configured is None or scenario.values != self._configured.values:
+            self._destroy_entities()
+            self._configure(scenario)
+
     def _configure(self, scenario: Scenario) -> None:
         self.configure(scenario)
+        self._configured = scenario
         self._diagnostics = self.advertise(
             DiagnosticArray, topics.DIAGNOSTICS, topics.stream_qos()
         )
@@ -364,6 +375,7 @@ class ManagedNode(LifecycleNode):
             self.is_active = False
 
     def _destroy_entities(self) -> None:
+        self._configured = None
         self._demanded.clear()
         while self._entities:
             destroy, entity = self._entities.pop()

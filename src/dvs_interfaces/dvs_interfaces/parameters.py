@@ -250,6 +250,7 @@ _RUN = (
         default=True,
         nodes=_ALL,
         description='Configure and activate by itself; otherwise wait for lifecycle transitions',
+        read_only=True,
     ),
 )
 

@@ -47,6 +47,7 @@ def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
         type=ROS_TYPE[spec.kind].value,
         description=spec.description + unit,
         additional_constraints=spec.rule,
+        read_only=spec.read_only,
     )
     low, high = spec.interval.low, spec.interval.high
     if spec.kind is Kind.FLOAT and (math.isfinite(low) or math.isfinite(high)):

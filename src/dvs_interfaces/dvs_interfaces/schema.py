@@ -107,6 +107,8 @@ class ParameterSpec:
         Allowed words of a text parameter; empty for free text.
     dynamic
         Whether it may change while the node is active.
+    read_only
+        Whether it can't change once the node has started.
     """
 
     name: str
@@ -118,6 +120,7 @@ class ParameterSpec:
     interval: Interval = ANY
     choices: tuple[str, ...] = ()
     dynamic: bool = False
+    read_only: bool = False
 
     @property
     def rule(self) -> str:

@@ -11,9 +11,11 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from types import FrameType
 
 import rclpy
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -98,7 +100,9 @@ def _spin(nodes: Sequence[ManagedNode], stop: StopSignal) -> int:
         # What start-up has made stays: no later collection has to walk through it.
         gc.freeze()
         while not stop.received:
-            executor.spin_once(timeout_sec=_TURN_S)
+            # What was taken down by a transition may still have an event in the queue.
+            with suppress(InvalidHandle):
+                executor.spin_once(timeout_sec=_TURN_S)
             for node in nodes:
                 if node.exit_code is not None:
                     return node.exit_code
