@@ -127,6 +127,24 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
     assert 'resynchronised by a keyframe' in output
 
 
+def test_a_camera_that_starts_again_in_the_midst_is_an_error(domain, processes):
+    for executable in ('plant_sim', 'hinf_controller', 'event_camera'):
+        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+    controller, camera = processes[1:]
+    with operating(domain) as operator:
+        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        assert operator.spin_until(lambda: is_exact(messages))
+        stop(camera)
+        processes.append(start('event_camera', domain))
+
+        text = 'event_camera started again, estimate wrong'
+        assert reaches(operator, messages, 'hinf_controller', DiagnosticStatus.ERROR, text)
+        assert not is_exact(messages)
+    _, output = stop(controller)
+    assert output.count('event_camera started again in the midst of the run') == 1
+    assert 'events were lost' not in output
+
+
 def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, processes):
     for executable in ('plant_sim', 'event_camera', 'hinf_controller'):
         processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))

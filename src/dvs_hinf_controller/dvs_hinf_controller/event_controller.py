@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +105,8 @@ class EventController:
         self._synchroniser = Synchroniser()
         self._stamp_ns: int | None = None
         self._duration_ns = 0
-        self._threshold_change: tuple[int, float] | None = None
+        self._threshold_changes: deque[tuple[int, float]] = deque()
+        self._first_ns: int | None = None
         self._state = np.zeros(self._controller.order)
         self._deviation = self._mean_deviation()
 
@@ -130,6 +132,9 @@ class EventController:
     def announce_threshold(self, after_ns: int, event_threshold: float) -> bool:
         """Note that events stamped after `after_ns` are fired at another threshold.
 
+        A sensor announces the threshold with its first sample too; one that does so in the midst
+        of our packets has started again, with references that nobody here knows.
+
         Parameters
         ----------
         after_ns
@@ -143,13 +148,16 @@ class EventController:
             False if later events have already been counted at the present threshold: the new one
             holds at once, but only a keyframe can tell where the references are.
         """
-        if event_threshold == self.event_threshold:
+        if event_threshold == self._latest_threshold():
+            if self._first_ns is not None and after_ns > self._first_ns:
+                self._synchroniser.distrust()
             return True
         if self._stamp_ns is not None and self._stamp_ns > after_ns:
             self._change_threshold(event_threshold)
+            self._threshold_changes.clear()
             self._synchroniser.give_up()
             return False
-        self._threshold_change = after_ns, event_threshold
+        self._threshold_changes.append((after_ns, event_threshold))
         return True
 
     def _mean_deviation(self) -> float:
@@ -231,9 +239,11 @@ class EventController:
             self._event_threshold = self._latest_threshold()
             self._reset()
             self._synchroniser.accept_any_index()
-        if self._threshold_change is not None:
-            self._change_threshold_before(packet.stamp_ns)
-        self._duration_ns = 0 if self._stamp_ns is None else packet.stamp_ns - self._stamp_ns
+        while self._threshold_changes and packet.stamp_ns > self._threshold_changes[0][0]:
+            self._change_threshold(self._threshold_changes.popleft()[1])
+        if self._stamp_ns is None:
+            self._first_ns = self._stamp_ns = packet.stamp_ns
+        self._duration_ns = packet.stamp_ns - self._stamp_ns
         self._stamp_ns = packet.stamp_ns
         lost = self._count(packet) if len(events) else self._keep_still(packet.stamp_ns)
         resynchronised = self._resynchronise()
@@ -303,19 +313,14 @@ class EventController:
         return corrected
 
     def _latest_threshold(self) -> float:
-        """Threshold of a sensor that starts again: the last one that it announced."""
-        if self._threshold_change is not None:
-            return self._threshold_change[1]
+        """The last threshold that the sensor announced."""
+        if self._threshold_changes:
+            return self._threshold_changes[-1][1]
         return self.event_threshold
-
-    def _change_threshold_before(self, stamp_ns: int) -> None:
-        if self._threshold_change is not None and stamp_ns > self._threshold_change[0]:
-            self._change_threshold(self._threshold_change[1])
 
     def _change_threshold(self, event_threshold: float) -> None:
         self._estimator.change_threshold(event_threshold)
         self._synchroniser.start_epoch()
-        self._threshold_change = None
         self._deviation = self._mean_deviation()
 
     def _check(self, packet: EventPacket) -> None:

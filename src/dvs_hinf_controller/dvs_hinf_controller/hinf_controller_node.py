@@ -92,6 +92,7 @@ class HinfControllerNode(ManagedNode):
         self._lost_events = self._resynchronisations = 0
         self._events = self._on_events = self._packets = 0
         self._event_rate, self._packet_rate = RateMeter(), RateMeter()
+        self._restart_said = False
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
@@ -145,6 +146,7 @@ class HinfControllerNode(ManagedNode):
         event_threshold = float(announcement.values[0])
         running = self._controller.event_threshold
         if self._controller.announce_threshold(announcement.stamp_ns, event_threshold):
+            self._watch_sensor()
             if event_threshold != running:
                 self.get_logger().warning(
                     f'event_camera goes from h = {running:g} to {event_threshold:g}, '
@@ -173,8 +175,21 @@ class HinfControllerNode(ManagedNode):
                 f'resynchronised by a keyframe: {report.resynchronised_pixels} pixels put right'
             )
 
+        self._watch_sensor()
+
+    def _watch_sensor(self) -> None:
+        has_restarted = self._controller.synchrony is Synchrony.RESTARTED
+        if has_restarted and not self._restart_said:
+            self.get_logger().error(
+                'event_camera started again in the midst of the run: its references are not those '
+                'that the parameters describe, and the estimate is wrong. Start the loop again, '
+                'or set reference_lower and reference_upper to where the references are now and '
+                'activate hinf_controller again'
+            )
+        self._restart_said = has_restarted
+
     def _ask_for_keyframe(self) -> None:
-        if self._controller.synchrony is not Synchrony.EXACT:
+        if self._controller.synchrony in (Synchrony.UNVERIFIED, Synchrony.LOST):
             self._request_publisher.publish(Empty())
 
     # -- health ---------------------------------------------------------------------------------
@@ -209,6 +224,9 @@ class HinfControllerNode(ManagedNode):
             troubles.append(Trouble(level=Level.STALE, message='no events arrive'))
         if self._controller.synchrony is Synchrony.LOST:
             troubles.append(Trouble(level=Level.ERROR, message='events lost, estimate biased'))
+        if self._controller.synchrony is Synchrony.RESTARTED:
+            trouble = 'event_camera started again, estimate wrong'
+            troubles.append(Trouble(level=Level.ERROR, message=trouble))
         if event_threshold > self._design.figures.h_star:
             troubles.append(Trouble(level=Level.WARN, message='h exceeds h*'))
         return troubles

@@ -26,6 +26,12 @@ class Synchrony(Enum):
     UNVERIFIED = 'no keyframe yet'
     EXACT = 'exact'
     LOST = 'events lost'
+    # Its references are others now, and no keyframe tells where they are.
+    RESTARTED = 'sensor started again'
+
+
+# What needs no memory of packets: nothing is to be put right, or nothing can be.
+_AT_REST = (Synchrony.EXACT, Synchrony.RESTARTED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +80,14 @@ class Synchroniser:
         if self._next_index is not None:
             lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
         self._next_index = (int(indices[-1]) + 1) % INDEX_MODULUS
-        if lost:
+        if lost > INDEX_MODULUS // 2:
+            # Nobody loses so many: the number has gone back.
+            self.distrust()
+            return 0
+        if lost and self.state is not Synchrony.RESTARTED:
             self.state = Synchrony.LOST
             self._recent.clear()
-        if self.state is not Synchrony.EXACT:
+        if self.state not in _AT_REST:
             self._recent.append(_Counted(stamp_ns, pixels, polarities, signs))
         return lost
 
@@ -89,7 +99,7 @@ class Synchroniser:
         stamp_ns
             Stamp of the packet, ns.
         """
-        if self.state is not Synchrony.EXACT:
+        if self.state not in _AT_REST:
             self._recent.append(_Counted(stamp_ns, _NO_PIXELS, _NO_SIGNS, _NO_SIGNS))
 
     def accept_any_index(self) -> None:
@@ -107,7 +117,14 @@ class Synchroniser:
         """Trust no count before the next keyframe."""
         self._recent.clear()
         self._pending = None
-        self.state = Synchrony.LOST
+        if self.state is not Synchrony.RESTARTED:
+            self.state = Synchrony.LOST
+
+    def distrust(self) -> None:
+        """Trust nothing any more: the sensor has started again while the estimator went on."""
+        self._recent.clear()
+        self._pending = None
+        self.state = Synchrony.RESTARTED
 
     def offer(self, keyframe: Keyframe) -> None:
         """Take a keyframe, of the past or of a packet still to come.
@@ -129,6 +146,8 @@ class Synchroniser:
         """
         keyframe = self._pending
         if keyframe is None or keyframe.stamp_ns > stamp_ns:
+            return None
+        if self.state is Synchrony.RESTARTED:
             return None
         self._pending = None
         if keyframe.stamp_ns < stamp_ns:

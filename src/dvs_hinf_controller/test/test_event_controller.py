@@ -444,7 +444,6 @@ def test_a_threshold_announced_too_late_needs_a_keyframe():
     for one in packets_of(COURSE):
         found.take(one)
 
-    assert found.announce_threshold(MS, H)
     assert not found.announce_threshold(MS, 0.05)
     assert found.event_threshold == 0.05
     assert found.synchrony is Synchrony.LOST
@@ -455,6 +454,66 @@ def test_a_threshold_announced_too_late_needs_a_keyframe():
     bounds = ReferenceBounds(lower=LOWER * 2 ** (3 * H), upper=UPPER * 2 ** (3 * H))
     expected = initial_estimate(bounds, 0.05) * 2.0 ** (counts * 0.05)
     np.testing.assert_allclose(found.estimate, expected, rtol=1e-12)
+
+
+def test_two_changes_announced_at_once_hold_one_after_the_other():
+    found, slow = running(), running()
+    for controller in (found, slow):
+        controller.take(packet(0))
+    assert found.announce_threshold(MS, 0.05)
+    assert found.announce_threshold(2 * MS, H)
+    index = 0
+    for stamp_ns, changed in ((MS, 0.05), (2 * MS, H), (3 * MS, None)):
+        for controller in (found, slow):
+            controller.take(packet(stamp_ns, [(-5, 2, 1, 1), (-3, 4, -1, 1)], index))
+        index += 2
+        if changed:
+            assert slow.announce_threshold(stamp_ns, changed)
+        assert found.event_threshold == (0.05 if stamp_ns == 2 * MS else H)
+
+    np.testing.assert_array_equal(found.estimate, slow.estimate)
+
+
+# -- a sensor that starts again -------------------------------------------------------------------
+
+
+def test_a_sensor_that_announces_itself_again_is_not_trusted():
+    found = running()
+    found.take(packet(MS))
+    assert found.announce_threshold(MS, H)
+    found.take_keyframe(keyframe(MS, np.zeros(PIXELS)))
+    assert found.synchrony is Synchrony.EXACT
+
+    assert found.announce_threshold(5 * MS, H)
+
+    assert found.synchrony is Synchrony.RESTARTED
+    found.take(packet(6 * MS))
+    assert found.take_keyframe(keyframe(6 * MS, np.ones(PIXELS))) == PacketReport()
+    assert found.synchrony is Synchrony.RESTARTED
+
+
+def test_a_number_that_goes_back_is_no_loss_but_another_sensor():
+    found = running()
+    for one in packets_of(COURSE):
+        found.take(one)
+
+    report = found.take(packet(9 * MS, [(-5, 2, 1, 1)], 0))
+
+    assert report == PacketReport()
+    assert found.synchrony is Synchrony.RESTARTED
+    assert found.take(packet(10 * MS, [(-5, 2, 1, 1)], 4)).lost_events == 3
+    assert found.synchrony is Synchrony.RESTARTED
+
+
+def test_a_loop_that_starts_again_with_its_sensor_is_trusted_again():
+    found = running()
+    found.take(packet(0))
+    found.announce_threshold(5 * MS, H)
+    assert found.synchrony is Synchrony.RESTARTED
+    found.take(packet(6 * MS))
+
+    assert found.take(packet(0)).restarted
+    assert found.synchrony is Synchrony.UNVERIFIED
 
 
 @pytest.mark.parametrize('taken', [True, False], ids=['taken', 'announced'])
