@@ -30,7 +30,7 @@ def test_the_trajectory_converges_with_first_order(name, record_property):
         errors.append(np.abs(states[::stride] - exact).max())
 
     order = np.polyfit(np.log(PERIODS_S), np.log(errors), 1)[0]
-    record_property('order', order)
+    record_property('order', float(order))
     print(f'{name}: errors {np.array(errors)}, measured order {order:.2f}')
     # The command is held for a period: a delay of half of it, hence first order.
     assert 0.8 < order < 1.3
