@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 import time
@@ -139,27 +137,12 @@ def versus_dkpy() -> dict[str, float]:
 
 
 def measure() -> dict[str, float]:
-    """All figures by key; those of dkpy only where it is installed."""
+    """Run the benchmark; return its figures by name, those of dkpy only where it is installed."""
     figures = pixels_ratio()
     try:
         figures |= versus_dkpy()
     except ImportError as error:
-        print(f'bench_design: {error.name} is not installed, no comparison', file=sys.stderr)
-    return figures
-
-
-def main() -> None:
-    """Print the figures as a table or as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
-    as_json = parser.parse_args().json
-    figures = measure()
-    if as_json:
-        print(json.dumps(figures, indent=1))
-        return
+        print(f'{error.name} is not installed: no comparison with dkpy', file=sys.stderr)
     for name, value in figures.items():
         print(f'{name:22} {value:.4g}')
-
-
-if __name__ == '__main__':
-    main()
+    return figures
