@@ -26,7 +26,8 @@ from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.exact.modes import _cached_form
 from dvs_closed_loop.paper.published import PIXEL_OFFSETS, scenario
 from dvs_closed_loop.sweep.random_loops import lqg_controller
-from dvs_interfaces.model import PixelScene, ReferenceBounds
+from dvs_interfaces.model import PixelScene
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 _THRESHOLD = 0.05
 _RTOL = 1e-9

@@ -11,7 +11,8 @@ import numpy as np
 
 from dvs_closed_loop.trace import Trace
 from dvs_hinf_controller.sector import sector
-from dvs_interfaces.model import FloatArray, ReferenceBounds
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.reference_bounds import ReferenceBounds
 from dvs_interfaces.scenario import Scenario
 
 # Rounding of log, exp and the thresholds; the sector bound itself leaves no room.

@@ -9,7 +9,8 @@ import scipy.linalg
 
 from dvs_closed_loop.exact import ClosedLoop
 from dvs_hinf_controller.controller import LinearController
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import PixelScene, PlantModel
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 OFFSETS = 0.01 * np.array(
     [[0, 0], [1, 0], [-1, 0], [-1, 1], [0, 1], [1, 1], [1, -1], [0, -1], [-1, -1]]

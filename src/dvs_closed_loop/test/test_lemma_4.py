@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.exact.signals import counts_at, luminosities, sector_ratios
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import PixelScene, PlantModel
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 
 def random_loop(

@@ -23,7 +23,8 @@ from dvs_event_camera.references import (
 from dvs_event_camera.signed_crossings import SignedComparator
 from dvs_event_camera.silent_band import LARGEST_ARRAY, SilentBand
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray, ReferenceBounds, threshold_step
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.reference_bounds import ReferenceBounds, threshold_step
 
 # Pixels worked on at a time, so that their levels stay in the processor's cache.
 _TILE = 32768

@@ -8,7 +8,8 @@ import numpy as np
 
 from dvs_event_camera.photoreceptor import Photoreceptor
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray, ReferenceBounds
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 InitialReference = Literal['luminosity', 'lower', 'upper', 'random']
 

@@ -15,7 +15,7 @@ from dvs_event_camera.photoreceptor import (
 from dvs_event_camera.pixel_array import PixelArray
 from dvs_event_camera.pixel_events import PixelEvents
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import ReferenceBounds
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 MS = 1_000_000
 

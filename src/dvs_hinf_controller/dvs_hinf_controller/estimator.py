@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dvs_hinf_controller.sector import sector
 from dvs_interfaces.keyframe import Keyframe
-from dvs_interfaces.model import FloatArray, ReferenceBounds
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 
 class Estimator:

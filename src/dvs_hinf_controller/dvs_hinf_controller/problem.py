@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel
+from dvs_interfaces.reference_bounds import ReferenceBounds
 from dvs_interfaces.scenario import Scenario
 
 

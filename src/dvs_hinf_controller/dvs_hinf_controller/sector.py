@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_interfaces.model import FloatArray, ReferenceBounds, threshold_step
+from dvs_interfaces.model import FloatArray
+from dvs_interfaces.reference_bounds import ReferenceBounds, threshold_step
 
 
 def spacing(event_threshold: float, log_base: float) -> float:

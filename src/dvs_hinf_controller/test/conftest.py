@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import PixelScene, PlantModel
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 # Pixel displacements of the paper, section IV.
 OFFSETS = np.array(

@@ -17,7 +17,8 @@ from dvs_hinf_controller.synchroniser import Synchrony
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.events import EVENT_DTYPE, INDEX_MODULUS, EventPacket
 from dvs_interfaces.keyframe import Keyframe
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import PixelScene, PlantModel
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 MS = 1_000_000
 H = 0.1

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dvs_hinf_controller.sector import estimate, sector, spacing
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import ReferenceBounds
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 thresholds = st.floats(0.01, 1.0)
 bases = st.sampled_from([2.0, math.e, 10.0])

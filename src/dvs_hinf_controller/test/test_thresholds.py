@@ -14,7 +14,7 @@ from dvs_hinf_controller.thresholds import (
     small_gain_holds,
 )
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import ReferenceBounds
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 Make = Callable[..., DesignProblem]
 

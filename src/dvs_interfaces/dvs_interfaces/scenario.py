@@ -13,8 +13,9 @@ import numpy as np
 import yaml
 
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel
 from dvs_interfaces.parameters import SCHEMA
+from dvs_interfaces.reference_bounds import ReferenceBounds
 from dvs_interfaces.schema import Value, is_ros_parameter
 
 NANOSECONDS = 1_000_000_000

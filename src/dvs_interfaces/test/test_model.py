@@ -6,7 +6,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds, finite_array
+from dvs_interfaces.model import PixelScene, PlantModel, finite_array
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 PAPER_A = np.array([[2.0, 10.0], [0.0, 5.0]])
 PAPER_B = np.array([[1.0], [1.0]])

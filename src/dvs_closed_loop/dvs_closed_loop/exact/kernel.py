@@ -10,6 +10,9 @@ modes this encloses s(t) on the whole step. Where the enclosure touches a thresh
 halved, or, where the slope has a proven sign, the one crossing is found by safeguarded Newton
 steps. A threshold counts as reached within ``4 eps`` of the size of s, so that a tangency that
 is within rounding of touching is an event.
+
+All of it stands in one file, because this file as it is can be loaded a second time without numba,
+and because numba's cache notices a change of the file of a function but not of its callees.
 """
 
 from __future__ import annotations

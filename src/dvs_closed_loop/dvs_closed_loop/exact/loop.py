@@ -12,14 +12,8 @@ from dvs_event_camera.references import initial_references
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.sector import Sector, sector
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import (
-    Equilibrium,
-    FloatArray,
-    PixelScene,
-    PlantModel,
-    ReferenceBounds,
-    finite_array,
-)
+from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel, finite_array
+from dvs_interfaces.reference_bounds import ReferenceBounds
 from dvs_interfaces.scenario import Scenario
 
 Photoreceptor = Literal['log', 'signed_log']

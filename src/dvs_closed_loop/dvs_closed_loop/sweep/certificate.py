@@ -10,7 +10,7 @@ from dvs_closed_loop.exact import ClosedLoop, simulate
 from dvs_closed_loop.exact.trajectory import Trajectory
 from dvs_closed_loop.sweep.random_loops import METHODS, RandomCase, random_case
 from dvs_closed_loop.sweep.study import Row, Study, Task
-from dvs_interfaces.model import ReferenceBounds
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 COLUMNS = (
     'seed',

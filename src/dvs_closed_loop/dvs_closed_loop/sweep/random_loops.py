@@ -15,7 +15,8 @@ from dvs_hinf_controller.peak_gain import peak_gains
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis_error import SynthesisError
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds
+from dvs_interfaces.model import PixelScene, PlantModel
+from dvs_interfaces.reference_bounds import ReferenceBounds
 
 METHODS = ('structured', 'unstructured', 'lqg')
 
