@@ -12,6 +12,11 @@ if [ "${1:-}" = --help ]; then
     exit 0
 fi
 scenario=${1:-paper_r3}
+# Before the setup, which takes minutes.
+if [ ! -f "$here/../config/$scenario.yaml" ]; then
+    echo "demo.sh: no scenario $scenario in config/; scripts/demo.sh --help lists them" >&2
+    exit 2
+fi
 "$here/setup.sh"
 export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
 exec "$here/run.sh" dvs_closed_loop closed_loop --params-file "$here/../config/$scenario.yaml"

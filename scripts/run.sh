@@ -14,7 +14,7 @@ if [ $# -lt 2 ] || [ "$1" = --help ]; then
     echo
     echo "Runs install/PKG/lib/PKG/EXE; its exit code and signals pass through. With the path of a"
     echo "program (a slash in it) that program is run with ROS around it. Executables:"
-    (cd "$root/install" 2>/dev/null && printf '  %s\n' */lib/*/* | sed 's|/lib/.*/| |' | grep -v '[.*]') || true
+    (cd "$root/install" 2>/dev/null && printf '  %s\n' */lib/*/* | sed 's|/lib/.*/| |' | grep -v '[.*]\|site-packages') || true
     [ "${1:-}" = --help ] && exit 0
     exit 2
 fi

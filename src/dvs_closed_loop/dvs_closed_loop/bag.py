@@ -154,7 +154,10 @@ def _opened(path: Path) -> Iterator[Reader]:
     except ParameterError:
         raise
     except FileNotFoundError as error:
-        raise ParameterError('bag', path, str(error)) from None
+        reason = 'does not exist'
+        if path.exists():
+            reason = f'is not a rosbag2: {error}'
+        raise ParameterError('bag', path, reason) from None
     except _DAMAGE as error:
         raise ParameterError('bag', path, f'is not a readable rosbag2: {error}') from None
 

@@ -85,7 +85,12 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     centre = np.array(scenario['set_point'])
     if centre.size < 2:
         axes.plot(trace.times_s, trace.states[:, 0], color=BLUE, lw=1.2)
+        for bound in centre[0] + scenario['tolerance'] * np.array([-1, 1]):
+            axes.axhline(bound, color=VERMILION, ls='--', lw=1)
+        axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d -+ eps')
         axes.set(xlabel='time [s]', ylabel='x1 [state units]', title='State')
+        axes.legend(loc='best', frameon=False)
+        axes.grid(alpha=0.3)
         return
     axes.plot(trace.states[:, 0], trace.states[:, 1], color=BLUE, lw=0.9)
     axes.plot(*trace.states[0, :2], 'o', color=GREEN, ms=6, label='start x0')
@@ -121,7 +126,8 @@ def _draw_events(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     pixel_count = trace.luminosities.shape[1]
     axes.set_ylim(-0.6, pixel_count - 0.4)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(loc='upper right', frameon=True, framealpha=0.8)
+    # Above the axes: with many pixels every place inside holds events.
+    axes.legend(loc='lower right', bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
 
 
 def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario) -> None:

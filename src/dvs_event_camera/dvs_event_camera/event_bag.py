@@ -45,7 +45,7 @@ def bag_packets(path: Path, topic: str) -> Iterator[tuple[float, EventPacket]]:
     try:
         reader = rosbag2.Reader(path)
         reader.open()
-    except rosbag2.ReaderError as error:
+    except (rosbag2.ReaderError, FileNotFoundError) as error:
         raise ParameterError('bag', path, f'is not a readable rosbag2: {error}') from None
     try:
         yield from _packets(reader, _connection(reader, topic))

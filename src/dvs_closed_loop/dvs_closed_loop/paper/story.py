@@ -16,8 +16,8 @@ from dvs_closed_loop.paper.table import Experiments
 CAPTIONS = MappingProxyType(
     {
         'platform': 'The appendix: the camera (green frame) on its platform over a linear '
-        'brightness profile, in slow motion. The red dot is the set-point, the dashed '
-        'circle the tolerance; events flash in the middle, red for ON, blue for OFF.',
+        'brightness profile, in slow motion. The orange dot is the set-point, the dashed '
+        'circle the tolerance; events flash at the top right, red for ON, blue for OFF.',
         'pixel_grid': 'Relative positions of the nine pixels, numbered as in the paper.',
         'staircase': 'Zero-order hold of the events of pixel 1 in the closed loop (mirror image, '
         'r = 3): filled dots are positive, hollow dots negative events.',
@@ -38,7 +38,7 @@ CAPTIONS = MappingProxyType(
         'positivity': 'Luminosity of the first pixel in the printed example and in its mirror '
         'image, which is the same control problem.',
         'small_gain': 'Small gain of the counterexample at the delta* of Theorem 1: it holds at '
-        'zero frequency, where the formula implies it, and fails between 2 and 60 rad/s.',
+        'zero frequency, where the formula implies it, and fails between about 2 and 100 rad/s.',
         'counterexample': 'Left: the error of the counterexample keeps leaving the tolerance at '
         'h = 0.15. Right: its limsup against h, with the threshold that the theorems allow after '
         'the true small-gain condition has been added, and the guaranteed one.',
@@ -108,9 +108,10 @@ def sections(
         section(
             'numbers',
             'Every number beside its reference',
-            'The rows against the paper are its published thresholds; those against the theory '
-            'page are the optima of the reduced problem, which the last two published values miss '
-            'because their D-K iteration had not converged.',
+            'The rows of the paper are its published numbers. The rows "check" are the optima of '
+            'the reduced problem, which the published h* of r = 3 and r = 9 miss because their '
+            'D-K iteration had not converged, and an earlier computation of the counterexample, '
+            'which moves with how near to its optimum the controller is.',
         ),
         section(
             'positivity',
