@@ -1,19 +1,14 @@
-"""The paper's figures that hold data, and those of our corrections."""
+"""The paper's figures that hold data."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dvs_closed_loop import plotting
 from dvs_closed_loop.exact.signals import estimates_at
 from dvs_closed_loop.paper.experiments import (
-    Counterexample,
     Experiment,
-    ThresholdCurve,
     worst_case_gain,
 )
 from dvs_closed_loop.paper.published import OPTIMIZATION, PIXEL_OFFSETS, TOLERANCE
@@ -27,9 +22,8 @@ METHOD_COLOURS = {
     'certified': plotting.GREEN,
 }
 PIXEL_COLOURS = {1: plotting.ORANGE, 3: plotting.PURPLE, 9: plotting.BLACK}
-_ERROR = r'error $\|x^o(t) - x_d\|$ [unit of x]'
-_LABEL_BOX = {'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.85, 'pad': 1.0}
-_FREQUENCIES = np.geomspace(1e-1, 1e4, 600)
+ERROR = r'error $\|x^o(t) - x_d\|$ [unit of x]'
+FREQUENCIES = np.geomspace(1e-1, 1e4, 600)
 
 
 def pixel_grid() -> Figure:
@@ -227,7 +221,7 @@ def errors(experiments: dict[str, Experiment], colours: dict[str, str], title: s
             )
         plotting.draw_tolerance(axis, TOLERANCE)
         axis.set(xlabel='time t [s]', xlim=window)
-    axes[0].set(ylabel=_ERROR, yscale='log', ylim=(5e-4, 0.9), title=title)
+    axes[0].set(ylabel=ERROR, yscale='log', ylim=(5e-4, 0.9), title=title)
     handles, labels = axes[1].get_legend_handles_labels()
     axes[1].legend(handles, labels, loc='upper right', ncols=2)
     return figure
@@ -278,15 +272,15 @@ def bode(experiments: dict[str, Experiment]) -> Figure:
     """
     figure, axes = plotting.new_figure(7.2, 4.2)
     for name, experiment in experiments.items():
-        gain = worst_case_gain(experiment, _FREQUENCIES)
+        gain = worst_case_gain(experiment, FREQUENCIES)
         model = experiment.loop.model
-        g = state_response(model, experiment.design.controller).response(_FREQUENCIES)[:, :, 0]
+        g = state_response(model, experiment.design.controller).response(FREQUENCIES)[:, :, 0]
         delta = float(experiment.loop.sector().error_bound.max())
         axes.semilogx(
-            _FREQUENCIES, _db(gain), color=METHOD_COLOURS[name], label=f'{name}, worst case'
+            FREQUENCIES, _db(gain), color=METHOD_COLOURS[name], label=f'{name}, worst case'
         )
         axes.semilogx(
-            _FREQUENCIES,
+            FREQUENCIES,
             _db(delta * np.linalg.norm(g, axis=1)),
             color=METHOD_COLOURS[name],
             ls=':',
@@ -295,190 +289,12 @@ def bode(experiments: dict[str, Experiment]) -> Figure:
     axes.set(
         xlabel=r'frequency $\omega$ [rad/s]',
         ylabel=r'$\max_{|\Delta_i| \leq \delta_z} \|G^{CL}_{Dx}(j\omega)\|$ [dB]',
-        xlim=(_FREQUENCIES[0], _FREQUENCIES[-1]),
+        xlim=(FREQUENCIES[0], FREQUENCIES[-1]),
         ylim=(-60, 5),
         title='Worst-case gain from D to x, r = 3, h = 0.149',
     )
     axes.legend(loc='lower left')
     return figure
-
-
-def positivity(paper: Experiment, mirror: Experiment) -> Figure:
-    """Luminosity of the printed example and of its mirror image.
-
-    Parameters
-    ----------
-    paper
-        Run of the example as printed.
-    mirror
-        Run of the mirror image.
-    """
-    figure, axes = plotting.new_figure(7.2, 4.0)
-    for experiment, colour, name in (
-        (paper, plotting.VERMILION, 'example as printed: changes its sign'),
-        (mirror, plotting.BLUE, 'mirror image: physical'),
-    ):
-        axes.plot(
-            experiment.run.sample_time, experiment.luminosity[:, 0], color=colour, label=name
-        )
-    axes.axhspan(-0.7, 0, color=plotting.PALE, lw=0, zorder=0)
-    axes.text(2.95, -0.31, 'no real light', ha='right', color=plotting.GREY)
-    axes.axhline(0, color=plotting.BLACK, lw=1)
-    low = min(paper.luminosity[:, 0].min(), -0.3) * 1.15
-    axes.set(
-        xlabel='time t [s]',
-        ylabel='luminosity $y_1$ [unit of y]',
-        xlim=(0, 3),
-        ylim=(low, None),
-        title='The printed example needs negative luminosity',
-    )
-    axes.legend(loc='upper right')
-    return figure
-
-
-def counterexample_plot(counterexample: Counterexample) -> Figure:
-    """Error of the counterexample against time, and its limsup against h.
-
-    Parameters
-    ----------
-    counterexample
-        The counterexample.
-    """
-    figure, axes = plotting.new_figure(8.6, 4.2, columns=2)
-    for experiment, colour in zip(
-        counterexample.experiments, (plotting.BLUE, plotting.VERMILION), strict=True
-    ):
-        shown = experiment.run.sample_time >= 15
-        h = experiment.loop.event_threshold
-        axes[0].plot(
-            experiment.run.sample_time[shown],
-            experiment.error[shown],
-            color=colour,
-            lw=1.1,
-            label=f'h = {h:.2f}',
-        )
-        tail = experiment.run.tail
-        assert tail is not None
-        axes[1].plot(h, tail.peak, 'o', color=colour, ms=7, zorder=3)
-    plotting.draw_tolerance(axes[0], TOLERANCE)
-    axes[0].set(
-        xlabel='time t [s]',
-        ylabel=_ERROR,
-        xlim=(15, 30),
-        ylim=(0, 0.085),
-        title='Long after the start',
-    )
-    axes[0].legend(loc='upper center', ncols=3, fontsize=8.5)
-    axes[1].plot(
-        counterexample.sweep_thresholds, counterexample.sweep_limsup, color=plotting.BLACK, lw=1.2
-    )
-    axes[1].axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
-    for h, colour, name in (
-        (counterexample.figures.h_certified, plotting.GREEN, 'guaranteed'),
-        (counterexample.h_allowed, plotting.VERMILION, 'allowed by the theorems'),
-    ):
-        axes[1].axvline(h, color=colour, lw=1.5)
-        right = h < 0.25
-        axes[1].text(
-            h + (0.008 if right else -0.008),
-            0.135 if right else 0.03,
-            f'{name}\nh = {h:.3f}',
-            color=colour,
-            ha='left' if right else 'right',
-            va='top',
-        )
-    axes[1].set(
-        xlabel='event threshold h [1]',
-        ylabel=r'limsup $\|x^o - x_d\|$ [unit of x]',
-        xlim=(0, 0.52),
-        ylim=(0, 0.14),
-        title='All thresholds',
-    )
-    return figure
-
-
-def small_gain(counterexample: Counterexample, controller_gain: FloatArray) -> Figure:
-    """``delta* ||Gw1(jw)||`` of the counterexample: below one at zero frequency only.
-
-    Parameters
-    ----------
-    counterexample
-        The counterexample.
-    controller_gain
-        ``||Gw1(jw)||`` on the common frequencies.
-    """
-    figure, axes = plotting.new_figure(7.2, 3.8)
-    delta = counterexample.figures.delta_star
-    axes.semilogx(_FREQUENCIES, delta * controller_gain, color=plotting.VERMILION)
-    axes.axhline(1, color=plotting.BLACK, ls='--', lw=1.1)
-    axes.text(8e3, 1.02, 'small gain needs less than 1', ha='right', va='bottom')
-    peak = int(np.argmax(controller_gain))
-    value = delta * controller_gain[peak]
-    axes.plot(_FREQUENCIES[peak], value, 'o', color=plotting.VERMILION)
-    axes.annotate(f'{value:.2f}', (_FREQUENCIES[peak], value), (6, 4), textcoords='offset points')
-    axes.set(
-        xlabel=r'frequency $\omega$ [rad/s]',
-        ylabel=r'$\delta^* \|G_{w_1}(j\omega)\|$ [1]',
-        xlim=(_FREQUENCIES[0], _FREQUENCIES[-1]),
-        ylim=(0, 1.15 * value),
-        title='Small gain holds at zero frequency, not everywhere',
-    )
-    return figure
-
-
-def counterexample_gain(counterexample: Counterexample) -> FloatArray:
-    """``||Gw1(jw)||`` of the counterexample on the common frequencies.
-
-    Parameters
-    ----------
-    counterexample
-        The counterexample.
-    """
-    experiment = counterexample.experiments[0]
-    model = experiment.loop.model
-    g = state_response(model, experiment.design.controller).response(_FREQUENCIES)[:, :, 0]
-    return np.asarray(np.linalg.norm(model.output_vector) * np.linalg.norm(g, axis=1))
-
-
-def certificate(curves: list[ThresholdCurve]) -> Figure:
-    """Simulated and guaranteed error against h.
-
-    Parameters
-    ----------
-    curves
-        One for each method.
-    """
-    figure, axes = plotting.new_figure(8.6, 4.2, columns=len(curves), sharey=True)
-    for axis, curve in zip(axes, curves, strict=True):
-        _draw_curve(axis, curve)
-    axes[0].set_ylabel(r'limsup $\|x^o - x_d\|$ [unit of x]')
-    axes[0].legend(loc='upper left', fontsize=8.5)
-    return figure
-
-
-def _draw_curve(axes: Axes, curve: ThresholdCurve) -> None:
-    colour = METHOD_COLOURS[curve.design.method]
-    figures = curve.design.figures
-    axes.plot(curve.thresholds, curve.bound, color=colour, label='guaranteed bound')
-    axes.plot(curve.thresholds, curve.limsup, '.', color=plotting.BLACK, ms=4, label='simulated')
-    axes.axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
-    marks: tuple[tuple[float, str, Any], ...] = (
-        (figures.h_certified, r'$h_\mathrm{cert}$', colour),
-        (figures.h_star, r'$h^*$', plotting.GREY),
-    )
-    for place, (h, name, shade) in enumerate(marks):
-        axes.plot([h, h], [0, TOLERANCE], color=shade, lw=1.4)
-        axes.text(
-            h + 0.006,
-            0.003 + 0.0075 * (1 - place),
-            f'{name} = {h:.3f}',
-            color=shade,
-            fontsize=9,
-            bbox=_LABEL_BOX,
-        )
-    axes.set(
-        xlabel='event threshold h [1]', xlim=(0, 0.3), ylim=(0, 0.1), title=curve.design.method
-    )
 
 
 def _db(gain: FloatArray) -> FloatArray:

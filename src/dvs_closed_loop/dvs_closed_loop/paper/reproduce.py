@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dvs_closed_loop import plotting
-from dvs_closed_loop.paper import figures
+from dvs_closed_loop.paper import corrections, figures
 from dvs_closed_loop.paper.animation import animate_platform
 from dvs_closed_loop.paper.experiments import (
     Counterexample,
@@ -177,12 +177,13 @@ _DRAWINGS: dict[str, Callable[[Results], Figure]] = {
     'phase_pixels': lambda r: figures.phase_portrait(
         _pixels(r), _PIXEL_COLOURS, 'Structured controller'
     ),
-    'positivity': lambda r: figures.positivity(
+    'positivity': lambda r: corrections.positivity(
         r.experiments['paper', 1, 'structured'], r.experiments['mirror', 1, 'structured']
     ),
-    'small_gain': lambda r: figures.small_gain(
-        _wanted(r.counterexample), figures.counterexample_gain(_wanted(r.counterexample))
+    'small_gain': lambda r: corrections.small_gain(
+        _wanted(r.counterexample),
+        corrections.counterexample_gain(_wanted(r.counterexample)),
     ),
-    'counterexample': lambda r: figures.counterexample_plot(_wanted(r.counterexample)),
-    'certificate': lambda r: figures.certificate(r.curves),
+    'counterexample': lambda r: corrections.counterexample_plot(_wanted(r.counterexample)),
+    'certificate': lambda r: corrections.certificate(r.curves),
 }

@@ -1,0 +1,200 @@
+"""Figures of our corrections to the theory: positivity, small gain, the guarantee."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dvs_closed_loop import plotting
+from dvs_closed_loop.paper.experiments import (
+    Counterexample,
+    Experiment,
+    ThresholdCurve,
+)
+from dvs_closed_loop.paper.figures import ERROR, FREQUENCIES, METHOD_COLOURS
+from dvs_closed_loop.paper.published import TOLERANCE
+from dvs_hinf_controller.state_space import state_response
+from dvs_interfaces.model import FloatArray
+
+_LABEL_BOX = {'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.85, 'pad': 1.0}
+
+
+def positivity(paper: Experiment, mirror: Experiment) -> Figure:
+    """Luminosity of the printed example and of its mirror image.
+
+    Parameters
+    ----------
+    paper
+        Run of the example as printed.
+    mirror
+        Run of the mirror image.
+    """
+    figure, axes = plotting.new_figure(7.2, 4.0)
+    for experiment, colour, name in (
+        (paper, plotting.VERMILION, 'example as printed: changes its sign'),
+        (mirror, plotting.BLUE, 'mirror image: physical'),
+    ):
+        axes.plot(
+            experiment.run.sample_time, experiment.luminosity[:, 0], color=colour, label=name
+        )
+    axes.axhspan(-0.7, 0, color=plotting.PALE, lw=0, zorder=0)
+    axes.text(2.95, -0.31, 'no real light', ha='right', color=plotting.GREY)
+    axes.axhline(0, color=plotting.BLACK, lw=1)
+    low = min(paper.luminosity[:, 0].min(), -0.3) * 1.15
+    axes.set(
+        xlabel='time t [s]',
+        ylabel='luminosity $y_1$ [unit of y]',
+        xlim=(0, 3),
+        ylim=(low, None),
+        title='The printed example needs negative luminosity',
+    )
+    axes.legend(loc='upper right')
+    return figure
+
+
+def counterexample_plot(counterexample: Counterexample) -> Figure:
+    """Error of the counterexample against time, and its limsup against h.
+
+    Parameters
+    ----------
+    counterexample
+        The counterexample.
+    """
+    figure, axes = plotting.new_figure(8.6, 4.2, columns=2)
+    for experiment, colour in zip(
+        counterexample.experiments, (plotting.BLUE, plotting.VERMILION), strict=True
+    ):
+        shown = experiment.run.sample_time >= 15
+        h = experiment.loop.event_threshold
+        axes[0].plot(
+            experiment.run.sample_time[shown],
+            experiment.error[shown],
+            color=colour,
+            lw=1.1,
+            label=f'h = {h:.2f}',
+        )
+        tail = experiment.run.tail
+        assert tail is not None
+        axes[1].plot(h, tail.peak, 'o', color=colour, ms=7, zorder=3)
+    plotting.draw_tolerance(axes[0], TOLERANCE)
+    axes[0].set(
+        xlabel='time t [s]',
+        ylabel=ERROR,
+        xlim=(15, 30),
+        ylim=(0, 0.085),
+        title='Long after the start',
+    )
+    axes[0].legend(loc='upper center', ncols=3, fontsize=8.5)
+    axes[1].plot(
+        counterexample.sweep_thresholds, counterexample.sweep_limsup, color=plotting.BLACK, lw=1.2
+    )
+    axes[1].axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
+    for h, colour, name in (
+        (counterexample.figures.h_certified, plotting.GREEN, 'guaranteed'),
+        (counterexample.h_allowed, plotting.VERMILION, 'allowed by the theorems'),
+    ):
+        axes[1].axvline(h, color=colour, lw=1.5)
+        right = h < 0.25
+        axes[1].text(
+            h + (0.008 if right else -0.008),
+            0.135 if right else 0.03,
+            f'{name}\nh = {h:.3f}',
+            color=colour,
+            ha='left' if right else 'right',
+            va='top',
+        )
+    axes[1].set(
+        xlabel='event threshold h [1]',
+        ylabel=r'limsup $\|x^o - x_d\|$ [unit of x]',
+        xlim=(0, 0.52),
+        ylim=(0, 0.14),
+        title='All thresholds',
+    )
+    return figure
+
+
+def small_gain(counterexample: Counterexample, controller_gain: FloatArray) -> Figure:
+    """``delta* ||Gw1(jw)||`` of the counterexample: below one at zero frequency only.
+
+    Parameters
+    ----------
+    counterexample
+        The counterexample.
+    controller_gain
+        ``||Gw1(jw)||`` on the common frequencies.
+    """
+    figure, axes = plotting.new_figure(7.2, 3.8)
+    delta = counterexample.figures.delta_star
+    axes.semilogx(FREQUENCIES, delta * controller_gain, color=plotting.VERMILION)
+    axes.axhline(1, color=plotting.BLACK, ls='--', lw=1.1)
+    axes.text(8e3, 1.02, 'small gain needs less than 1', ha='right', va='bottom')
+    peak = int(np.argmax(controller_gain))
+    value = delta * controller_gain[peak]
+    axes.plot(FREQUENCIES[peak], value, 'o', color=plotting.VERMILION)
+    axes.annotate(f'{value:.2f}', (FREQUENCIES[peak], value), (6, 4), textcoords='offset points')
+    axes.set(
+        xlabel=r'frequency $\omega$ [rad/s]',
+        ylabel=r'$\delta^* \|G_{w_1}(j\omega)\|$ [1]',
+        xlim=(FREQUENCIES[0], FREQUENCIES[-1]),
+        ylim=(0, 1.15 * value),
+        title='Small gain holds at zero frequency, not everywhere',
+    )
+    return figure
+
+
+def counterexample_gain(counterexample: Counterexample) -> FloatArray:
+    """``||Gw1(jw)||`` of the counterexample on the common frequencies.
+
+    Parameters
+    ----------
+    counterexample
+        The counterexample.
+    """
+    experiment = counterexample.experiments[0]
+    model = experiment.loop.model
+    g = state_response(model, experiment.design.controller).response(FREQUENCIES)[:, :, 0]
+    return np.asarray(np.linalg.norm(model.output_vector) * np.linalg.norm(g, axis=1))
+
+
+def certificate(curves: list[ThresholdCurve]) -> Figure:
+    """Simulated and guaranteed error against h.
+
+    Parameters
+    ----------
+    curves
+        One for each method.
+    """
+    figure, axes = plotting.new_figure(8.6, 4.2, columns=len(curves), sharey=True)
+    for axis, curve in zip(axes, curves, strict=True):
+        _draw_curve(axis, curve)
+    axes[0].set_ylabel(r'limsup $\|x^o - x_d\|$ [unit of x]')
+    axes[0].legend(loc='upper left', fontsize=8.5)
+    return figure
+
+
+def _draw_curve(axes: Axes, curve: ThresholdCurve) -> None:
+    colour = METHOD_COLOURS[curve.design.method]
+    figures = curve.design.figures
+    axes.plot(curve.thresholds, curve.bound, color=colour, label='guaranteed bound')
+    axes.plot(curve.thresholds, curve.limsup, '.', color=plotting.BLACK, ms=4, label='simulated')
+    axes.axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
+    marks: tuple[tuple[float, str, Any], ...] = (
+        (figures.h_certified, r'$h_\mathrm{cert}$', colour),
+        (figures.h_star, r'$h^*$', plotting.GREY),
+    )
+    for place, (h, name, shade) in enumerate(marks):
+        axes.plot([h, h], [0, TOLERANCE], color=shade, lw=1.4)
+        axes.text(
+            h + 0.006,
+            0.003 + 0.0075 * (1 - place),
+            f'{name} = {h:.3f}',
+            color=shade,
+            fontsize=9,
+            bbox=_LABEL_BOX,
+        )
+    axes.set(
+        xlabel='event threshold h [1]', xlim=(0, 0.3), ylim=(0, 0.1), title=curve.design.method
+    )
