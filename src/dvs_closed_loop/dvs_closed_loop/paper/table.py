@@ -150,9 +150,7 @@ def _norm_rows(experiments: Experiments) -> list[TableRow]:
     return [
         _row('gamma', CHECK, 1.9567, unstructured.gamma, method='unstructured', pixels=3),
         _row('mu', CHECK, 2.3860, structured.mu_upper, method='structured', pixels=3),
-        _row(
-            '||G(0)||', CHECK, 1.38359, unstructured.dc_gain_w2, method='unstructured', pixels=3
-        ),
+        _row('||G(0)||', CHECK, 1.38359, unstructured.dc_gain_w2, method='unstructured', pixels=3),
         _row('||G(0)||', CHECK, 1.43356, structured.dc_gain_w2, method='structured', pixels=3),
     ]
 
