@@ -28,6 +28,11 @@ def run(options: argparse.Namespace) -> int:
     ----------
     options
         Parsed arguments.
+
+    Raises
+    ------
+    ParameterError
+        If the output is not a folder.
     """
     if options.output.exists() and not options.output.is_dir():
         raise ParameterError('output', options.output, 'is not a folder')
