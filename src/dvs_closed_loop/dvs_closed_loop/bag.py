@@ -155,8 +155,10 @@ def _opened(path: Path) -> Iterator[Reader]:
         raise
     except FileNotFoundError as error:
         reason = 'does not exist'
-        if path.exists():
-            reason = f'is not a rosbag2: {error}'
+        if path.is_dir():
+            reason = 'is not a rosbag2: holds no metadata.yaml'
+            if (path / 'metadata.yaml').exists():
+                reason = f'is not complete: {error}'
         raise ParameterError('bag', path, reason) from None
     except _DAMAGE as error:
         raise ParameterError('bag', path, f'is not a readable rosbag2: {error}') from None

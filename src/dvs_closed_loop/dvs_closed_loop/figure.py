@@ -127,7 +127,15 @@ def _draw_events(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.set_ylim(-0.6, pixel_count - 0.4)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     # Above the axes: with many pixels every place inside holds events.
-    axes.legend(loc='lower right', bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
+    axes.legend(
+        loc='lower right',
+        bbox_to_anchor=(1, 1),
+        ncols=2,
+        frameon=False,
+        borderaxespad=0,
+        handletextpad=0,
+        columnspacing=0.8,
+    )
 
 
 def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario) -> None:

@@ -45,7 +45,9 @@ def bag_packets(path: Path, topic: str) -> Iterator[tuple[float, EventPacket]]:
     try:
         reader = rosbag2.Reader(path)
         reader.open()
-    except (rosbag2.ReaderError, FileNotFoundError) as error:
+    except FileNotFoundError:
+        raise ParameterError('bag', path, 'is not a rosbag2: holds no metadata.yaml') from None
+    except rosbag2.ReaderError as error:
         raise ParameterError('bag', path, f'is not a readable rosbag2: {error}') from None
     try:
         yield from _packets(reader, _connection(reader, topic))

@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     Raises
     ------
     ParameterError
-        If the output is a file.
+        If the output is not a folder.
     """
     if options.output.exists() and not options.output.is_dir():
         raise ParameterError('output', options.output, 'is not a folder')

@@ -75,7 +75,7 @@ def _client(scheduler: str | None, workers: int | None, processes: bool) -> Iter
         n_workers=workers or os.cpu_count(),
         threads_per_worker=1,
         processes=processes,
-        dashboard_address=None,
+        dashboard_address=':0',  # any free port: a taken one would be told in a warning
         silence_logs=50,
     )
     with cluster, distributed.Client(cluster) as client:
