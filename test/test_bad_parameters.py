@@ -54,6 +54,22 @@ def test_bad_parameter_is_refused(executable, parameters, message, domain, proce
     assert len([line for line in lines if line.strip()]) == 1, output
 
 
+@pytest.mark.parametrize('executable', [*ALL, 'pendulum_sim', 'composed_loop'])
+def test_a_node_explains_itself_and_starts_with_nothing_that_it_does_not_know(
+    executable, domain, processes
+):
+    asked = start(executable, domain, ['--help'])
+    mistaken = start(executable, domain, ['--params-file', 'none.yaml'])
+    processes += [asked, mistaken]
+    output, _ = asked.communicate(timeout=30)
+    assert asked.returncode == 0
+    assert output.startswith(f'usage: {executable} [--ros-args')
+    output, _ = mistaken.communicate(timeout=30)
+    assert mistaken.returncode == 2
+    assert output.startswith('cannot start: unknown argument --params-file;')
+    assert len(output.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ('text', 'message'),
     [

@@ -41,6 +41,8 @@ from dvs_interfaces.parameters import CAMERA, CONTROLLER
 from dvs_interfaces.scenario import Scenario, load_scenario
 from dvs_interfaces.spin import StopSignal
 
+# Files beside a bag that tell of the run in it.
+_OF_A_RUN = ('result.json', 'figure.png', 'report.html', 'report.png')
 _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
 _SETTLE_S = 0.3
@@ -307,6 +309,8 @@ def run_scenario(
     bag_path = output / 'bag'
     if bag_path.exists():
         shutil.rmtree(bag_path)
+    for name in _OF_A_RUN:
+        (output / name).unlink(missing_ok=True)
     stop = StopSignal()
     runner = LoopRunner(scenario, plans)
     with BagWriter(bag_path, {topic: STREAMS[topic].type_name for topic in RECORDED}) as bag:

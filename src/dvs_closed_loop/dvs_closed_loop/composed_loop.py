@@ -18,4 +18,4 @@ def main() -> int:
     """Run the three nodes until the plant's run ends or a signal comes."""
     waits = [Parameter('autostart', value=False)] if PLANT_WAITS in sys.argv[1:] else []
     plant = partial(PlantSimNode, parameter_overrides=waits)
-    return run_nodes([EventCameraNode, HinfControllerNode, plant])
+    return run_nodes([EventCameraNode, HinfControllerNode, plant], options=[PLANT_WAITS])

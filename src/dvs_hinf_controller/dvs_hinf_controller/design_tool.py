@@ -39,7 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0; 1 if there is no controller; 2 if an argument or parameter is wrong.
     """
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.compare and options.output:
+        parser.error('--output saves one design: name its --method instead of --compare')
     try:
         _run(options)
     except ParameterError as error:
@@ -98,12 +101,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.figure:
         save_bode_figure(designs, options.figure)
     if options.output:
-        save_design(_chosen(designs, scenario), options.output)
-
-
-def _chosen(designs: Sequence[Design], scenario: Scenario) -> Design:
-    named = [design for design in designs if design.method == scenario['method']]
-    return named[0] if named else designs[0]
+        save_design(designs[0], options.output)
 
 
 def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> None:

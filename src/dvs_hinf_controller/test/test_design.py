@@ -307,6 +307,14 @@ def test_saved_design_runs_as_a_method(params_file: Path, tmp_path: Path) -> Non
     assert design_from_scenario(scenario).method == 'structured'
 
 
+def test_a_comparison_saves_no_design(params_file: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'design.json'
+    with pytest.raises(SystemExit) as ended:
+        main(['--params-file', str(params_file), '--compare', '--output', str(output)])
+    assert ended.value.code == 2
+    assert not output.exists()
+
+
 def test_report_names_figures_and_verdicts(paper_problem: Make) -> None:
     design = design_controller(paper_problem(3), method='unstructured')
     text = report_text([design, design], event_threshold=0.15)

@@ -150,7 +150,9 @@ class PlantModel:
         wanted = finite_array('set_point', set_point, ndim=1)
         n = self.state_count
         if wanted.size != n:
-            raise ParameterError('set_point', wanted.tolist(), f'must have {n} entries')
+            raise ParameterError(
+                'set_point', wanted.tolist(), f'must have as many entries as output_vector, {n}'
+            )
         a, b = self.state_matrix, self.input_matrix
         pseudo_inverse = np.linalg.pinv(b, rcond=_RANK_TOLERANCE)
         outside_range = (np.eye(n) - b @ pseudo_inverse) @ a

@@ -133,7 +133,8 @@ class Scenario:
         state = np.array(self['initial_state'])
         n = len(self['output_vector'])
         if state.size != n:
-            raise ParameterError('initial_state', state.tolist(), f'must have {n} entries')
+            rule = f'must have as many entries as output_vector, {n}'
+            raise ParameterError('initial_state', state.tolist(), rule)
         return state
 
     def reference_bounds(self, first_luminosity: FloatArray) -> ReferenceBounds:

@@ -12,6 +12,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 
 import rclpy
@@ -20,6 +21,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.managed_node import ManagedNode
@@ -27,6 +29,11 @@ from dvs_interfaces.managed_node import ManagedNode
 # Longest wait for a message, and so the longest delay of a signal.
 _TURN_S = 0.1
 _USAGE_ERROR = 2
+_USAGE = 'all that is for ROS follows --ros-args: --ros-args --params-file FILE -p NAME:=VALUE'
+_HELP = """usage: {program} [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO] ...]
+
+A ROS 2 node. Without a parameter file it runs the built-in scenario, config/mirror_r3.yaml;
+docs/parameters.md has all parameters, docs/wire_contract.md the topics."""
 
 
 class StopSignal:
@@ -42,7 +49,10 @@ class StopSignal:
 
 
 def run_nodes(
-    factories: Sequence[Callable[[], ManagedNode]], arguments: Sequence[str] | None = None
+    factories: Sequence[Callable[[], ManagedNode]],
+    arguments: Sequence[str] | None = None,
+    *,
+    options: Sequence[str] = (),
 ) -> int:
     """Start nodes, spin until a signal or until one of them finishes, and take them down.
 
@@ -51,16 +61,22 @@ def run_nodes(
     factories
         Each makes one node.
     arguments
-        Command line with ROS arguments; `sys.argv` by default.
+        Command line with the program's name and ROS arguments; `sys.argv` by default.
+    options
+        What else may stand in the command line.
 
     Returns
     -------
     int
         Exit code: 0 after a signal or a successful finish, 2 if the nodes can't start.
     """
+    command_line = sys.argv if arguments is None else list(arguments)
     stop = StopSignal()
     try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        answer = _answer(command_line, options)
+        if answer is not None:
+            return answer
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         print(f'cannot start: {_explained(str(error))}', file=sys.stderr)
         return _USAGE_ERROR
@@ -80,6 +96,19 @@ def run_nodes(
         for node in nodes:
             node.close()
         rclpy.try_shutdown()
+
+
+def _answer(command_line: Sequence[str], options: Sequence[str]) -> int | None:
+    """Exit code of a command line that asks for help or is mistaken; None for one to start."""
+    program, *others = remove_ros_args(command_line)
+    if '--help' in others or '-h' in others:
+        print(_HELP.format(program=Path(program).name))
+        return 0
+    for argument in others:
+        if argument not in options:
+            print(f'cannot start: unknown argument {argument}; {_USAGE}', file=sys.stderr)
+            return _USAGE_ERROR
+    return None
 
 
 def _explained(rcl_error: str) -> str:
