@@ -99,8 +99,9 @@ def test_a_clock_that_goes_back_starts_a_realtime_loop_again(domain, processes):
         stamps = [s.header.stamp.sec + s.header.stamp.nanosec * 1e-9 for s in states[seen:]]
     camera, controller, plant = outputs(processes)
 
-    # A command on its way when the clock went back may still have moved it.
-    assert again.position == pytest.approx(Scenario.from_values({})['initial_state'], abs=0.03)
+    # A command on its way when the clock went back may still have moved it, and some samples may
+    # have gone by; it is far from the set-point (0.25 away in each state), where it was before.
+    assert again.position == pytest.approx(Scenario.from_values({})['initial_state'], abs=0.1)
     assert stamps == sorted(stamps)
     assert 'the clock went back: the plant starts anew' in plant
     assert 'sensor started again' in camera
