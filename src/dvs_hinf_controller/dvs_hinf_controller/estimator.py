@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dvs_hinf_controller.sector import sector
 from dvs_interfaces.keyframe import Keyframe
 from dvs_interfaces.model import FloatArray
-from dvs_interfaces.reference_bounds import ReferenceBounds
+from dvs_interfaces.reference_bounds import ReferenceBounds, threshold_step
 
 
 class Estimator:
@@ -44,7 +44,7 @@ class Estimator:
         )
         self._moved = moved
         self.event_threshold = event_threshold
-        self._log_step = event_threshold * math.log(self._log_base)
+        self._log_step = threshold_step(event_threshold, self._log_base)
         self._initial = sector(
             bounds, event_threshold=event_threshold, log_base=self._log_base
         ).initial_estimate

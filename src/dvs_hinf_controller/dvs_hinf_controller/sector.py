@@ -117,5 +117,5 @@ def estimate(
     return (
         signs
         * constants.initial_estimate
-        * np.exp(counts * (event_threshold * math.log(log_base)))
+        * np.exp(counts * threshold_step(event_threshold, log_base))
     )

@@ -14,6 +14,7 @@ from dvs_closed_loop.exact.modes import ModalForm, modal_form
 from dvs_closed_loop.exact.trajectory import Outcome, Status, Tail, Trajectory
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.model import FloatArray, finite_array
+from dvs_interfaces.reference_bounds import threshold_step
 
 DEFAULT_EVENT_RATE = 1e6
 DEFAULT_MAX_EVENTS = 50_000_000
@@ -129,7 +130,7 @@ def _constants(
     return layout.Constants(
         offset=float(loop.model.output_vector @ loop.equilibrium.state),
         growth=0.0,
-        log_step=loop.event_threshold * math.log(loop.log_base),
+        log_step=threshold_step(loop.event_threshold, loop.log_base),
         dead_band=float(loop.dead_band) if loop.photoreceptor == 'signed_log' else 0.0,
         end=float(duration),
         tail_start=start,
@@ -206,7 +207,7 @@ def _dense(
 
 def _pixels(loop: ClosedLoop) -> layout.Pixels:
     r = loop.pixel_count
-    step = loop.event_threshold * math.log(loop.log_base)
+    step = threshold_step(loop.event_threshold, loop.log_base)
     half = min(_POWER_HALF, int(600 / step))
     negative = (loop.photoreceptor == 'signed_log') & (loop.initial_luminosity() < 0)
     pixel = np.zeros((r, 4))

@@ -9,6 +9,7 @@ import numpy as np
 from dvs_closed_loop.exact.loop import ClosedLoop
 from dvs_closed_loop.exact.trajectory import Trajectory
 from dvs_interfaces.model import FloatArray
+from dvs_interfaces.reference_bounds import threshold_step
 
 
 def counts_at(
@@ -58,7 +59,7 @@ def estimates_at(loop: ClosedLoop, run: Trajectory, times: FloatArray) -> FloatA
         Instants, ascending, shape (k,), s.
     """
     counts, signs = counts_at(loop, run, times)
-    growth = np.exp(counts * (loop.event_threshold * math.log(loop.log_base)))
+    growth = np.exp(counts * threshold_step(loop.event_threshold, loop.log_base))
     return np.asarray(signs * loop.sector().initial_estimate * growth)
 
 
