@@ -26,6 +26,25 @@ class MessageError(ValueError):
     """A message that breaks the wire contract."""
 
 
+def require_plain(encapsulation: bytes) -> None:
+    """Raise `MessageError` unless a message is plain little-endian CDR.
+
+    Parameters
+    ----------
+    encapsulation
+        First two bytes of the message.
+
+    Raises
+    ------
+    MessageError
+        If it is another representation.
+    """
+    if encapsulation != ENCAPSULATION[:2]:
+        raise MessageError(
+            f'CDR encapsulation {encapsulation.hex()} is not plain little-endian (0001)'
+        )
+
+
 class CdrWriter:
     """Grows one little-endian CDR message, field by field."""
 
@@ -109,10 +128,7 @@ class CdrReader:
     __slots__ = ('_buffer', '_position')
 
     def __init__(self, message: bytes) -> None:
-        if message[:2] != ENCAPSULATION[:2]:
-            raise MessageError(
-                f'CDR encapsulation {bytes(message[:2]).hex()} is not plain little-endian (0001)'
-            )
+        require_plain(bytes(message[:2]))
         self._buffer = memoryview(message)
         self._position = 4
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from typing import Generic, TypeVar
 
-from dvs_interfaces.cdr import ENCAPSULATION, NANOSECONDS, MessageError
+from dvs_interfaces.cdr import ENCAPSULATION, NANOSECONDS, MessageError, require_plain
 
 # Where what follows the stamp begins.
 BODY = 12
@@ -51,10 +51,7 @@ def stamp_of(message: bytes) -> int:
         encapsulation, seconds, nanoseconds = _HEAD.unpack_from(message)
     except struct.error:
         raise MessageError(f'message of {len(message)} bytes ends before its stamp') from None
-    if encapsulation != ENCAPSULATION[:2]:
-        raise MessageError(
-            f'CDR encapsulation {encapsulation.hex()} is not plain little-endian (0001)'
-        )
+    require_plain(encapsulation)
     return int(seconds) * NANOSECONDS + int(nanoseconds)
 
 
