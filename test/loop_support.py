@@ -114,7 +114,7 @@ class Listener:
         self._executor.add_node(self.node)
         self.streams: dict[str, list[bytes]] = {topics.EVENTS: [], topics.COMMAND: []}
         for topic, kind in ((topics.EVENTS, PointCloud2), (topics.COMMAND, JointState)):
-            qos = topics.handshake_qos('lockstep')
+            qos = topics.handshake_qos('lockstep', topics.LISTENER_DEPTH)
             self.node.create_subscription(kind, topic, self.streams[topic].append, qos, raw=True)
 
     def spin_until(self, condition: Callable[[], bool], timeout_s: float = 40.0) -> bool:

@@ -17,8 +17,6 @@ from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.events import parse_events
 
-# Messages that wait in the middleware while the disk is slow.
-_DEPTH = 1000
 # rclpy's executor raises on an event of a subscription that is gone, and `adapt` takes
 # subscriptions away just when a publisher has made such an event.
 _NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -70,7 +68,7 @@ class BagRecorder:
         qos = stream.offered_qos
         if not latched:
             qos.durability = DurabilityPolicy.VOLATILE
-        qos.depth = _DEPTH
+        qos.depth = topics.LISTENER_DEPTH
         self._subscriptions[stream] = self._node.create_subscription(
             stream.message_type,
             stream.topic,

@@ -46,7 +46,10 @@ _OF_A_RUN = ('result.json', 'figure.png', 'report.html', 'report.png')
 _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
 _SETTLE_S = 0.3
-_DRAIN_S = 0.3
+# The run is heard to its end when nothing more arrives for a while; what was lost on the way is
+# sent again when the middleware next asks for it, every 3 s.
+_QUIET_S = 0.3
+_REPAIR_S = 7.0
 _ASK_PERIOD_S = 0.5
 
 
@@ -189,10 +192,22 @@ class LoopRunner:
                         raise LoopError(f'{process.name} ended with exit code {process.exit_code}')
                 _spin_for(executor, 0.1)
                 progress.update()
-            _spin_for(executor, _DRAIN_S)
+            if plant.exit_code:
+                raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
+            self._hear_the_end(executor, recorder, stop)
             progress.update()
-        if plant.exit_code:
-            raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
+
+    def _hear_the_end(
+        self, executor: EventsExecutor, recorder: RunRecorder, stop: StopSignal
+    ) -> None:
+        lockstep = self._scenario['mode'] == 'lockstep'
+        samples = self._scenario.sample_count + 1 if lockstep else 0
+        deadline = time.monotonic() + _REPAIR_S
+        heard_all = False
+        while not (heard_all or stop.received or time.monotonic() > deadline):
+            heard = recorder.count
+            _spin_for(executor, _QUIET_S)
+            heard_all = recorder.count == heard and recorder.has(samples)
 
 
 class _Answered:

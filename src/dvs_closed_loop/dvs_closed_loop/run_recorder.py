@@ -25,8 +25,6 @@ RECORDED = (
     topics.THRESHOLD,
     topics.DIAGNOSTICS,
 )
-# The loop does not wait for those who only listen: messages queue up here while we write.
-_DEPTH = 4000
 # What a verdict needs.
 _NEEDED = (
     topics.LUMINOSITY,
@@ -84,6 +82,21 @@ class RunRecorder:
         return all(self._subscriptions[topic].get_publisher_count() for topic in _NEEDED)
 
     @property
+    def count(self) -> int:
+        """Number of messages so far."""
+        return sum(map(len, self.messages.values()))
+
+    def has(self, samples: int) -> bool:
+        """Whether every topic that a verdict needs has been heard so often.
+
+        Parameters
+        ----------
+        samples
+            Number of messages on each.
+        """
+        return all(len(self.messages[topic]) >= samples for topic in _NEEDED)
+
+    @property
     def wall_seconds(self) -> float:
         """Wall-clock time from the first command to the last, s."""
         times = self.command_times_s
@@ -99,5 +112,6 @@ def _qos(topic: str, mode: str) -> QoSProfile:
         qos = topics.latched_qos()
     else:
         qos = topics.stream_qos()
-    qos.depth = _DEPTH
+    # The loop does not wait for those who only listen: messages queue up here while we write.
+    qos.depth = topics.LISTENER_DEPTH
     return qos

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 import importlib
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -50,8 +51,7 @@ class EventCameraNode(ManagedNode):
         self._scenario = scenario
         EventCamera.of_scenario(scenario)
         stream = topics.stream_qos()
-        handshake = topics.handshake_qos(scenario['mode'])
-        self._events = self.advertise(PointCloud2, topics.EVENTS, handshake)
+        self._events = self.advertise(PointCloud2, topics.EVENTS, self._events_qos())
         self._labels = (
             self.advertise(PointCloud2, topics.EVENTS_LABEL, stream)
             if scenario['label_noise']
@@ -64,6 +64,14 @@ class EventCameraNode(ManagedNode):
         self._threshold = self.advertise(JointState, topics.THRESHOLD, topics.latched_qos(depth=1))
         self._listen(stream)
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
+
+    def _events_qos(self) -> QoSProfile:
+        """Deep in a loop; a camera by itself can't tell how large its packets will be."""
+        mode = self._scenario['mode']
+        if not self.is_given('pixel_grid'):
+            return topics.handshake_qos(mode)
+        pixels = math.prod(self._scenario['pixel_grid'])
+        return topics.handshake_qos(mode, topics.history_depth(pixels))
 
     def _advertise_event_packets(self, qos: QoSProfile) -> Any:
         try:

@@ -56,15 +56,21 @@ class HinfControllerNode(ManagedNode):
         self._command_limit = scenario.command_limit
         self._design = design_from_scenario(scenario)
         self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
-        qos = topics.handshake_qos(scenario['mode'])
-        self._command_publisher = self.advertise(JointState, topics.COMMAND, qos)
+        self._command_publisher = self.advertise(
+            JointState,
+            topics.COMMAND,
+            topics.handshake_qos(scenario['mode'], topics.LISTENER_DEPTH),
+        )
+        pixels = self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
-            Float64MultiArray, topics.ESTIMATE, topics.stream_qos()
+            Float64MultiArray, topics.ESTIMATE, topics.stream_qos(topics.history_depth(pixels))
         )
         self._request_publisher = self.advertise(
             Empty, topics.KEYFRAME_REQUEST, topics.stream_qos()
         )
-        self.listen(PointCloud2, topics.EVENTS, self._take, qos)
+        self.listen(
+            PointCloud2, topics.EVENTS, self._take, topics.handshake_qos(scenario['mode'])
+        )
         latched = topics.latched_qos(depth=1)
         self.listen(Image, topics.KEYFRAME, self._take_keyframe, latched)
         self.listen(JointState, topics.THRESHOLD, self._take_threshold, latched)

@@ -32,6 +32,8 @@ from dvs_interfaces.schema import ParameterSpec, Value, is_ros_parameter
 
 _DIAGNOSTICS_S = 1.0
 _LOOK_S = 0.1
+# The middleware asks a reader every 3 s what it misses.
+_FAREWELL_S = 3.5
 # Timers of a node follow the wall clock, even where use_sim_time ties the node's clock to /clock.
 _WALL_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
 
@@ -258,9 +260,11 @@ class ManagedNode(LifecycleNode):
     def close(self) -> None:
         """Stop safely from whatever state, let readers get what was published, and go."""
         self._stop_acting()
+        deadline_s = time.monotonic() + _FAREWELL_S
         for _, entity in self._entities:
             if isinstance(entity, Publisher):
-                entity.wait_for_all_acked(Duration(seconds=1))
+                left_s = max(0.0, deadline_s - time.monotonic())
+                entity.wait_for_all_acked(Duration(nanoseconds=int(left_s * 1e9)))
         self._destroy_entities()
         self.destroy_node()
 
@@ -268,6 +272,16 @@ class ManagedNode(LifecycleNode):
     def autostart(self) -> bool:
         """Whether the node configures and activates by itself."""
         return bool(self.get_parameter('autostart').value)
+
+    def is_given(self, name: str) -> bool:
+        """Whether a parameter of other nodes came with this node's, as in a scenario's file.
+
+        Parameters
+        ----------
+        name
+            Parameter that this node does not have itself.
+        """
+        return name in self._foreign
 
     def scenario(self) -> Scenario:
         """Return the scenario of the current parameter values.

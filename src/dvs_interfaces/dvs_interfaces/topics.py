@@ -26,14 +26,43 @@ CLOCK = '/clock'
 DIAGNOSTICS = '/diagnostics'
 
 _DEPTH = 100
+# Messages that wait in the middleware for a listener that is away, if they are small ones.
+LISTENER_DEPTH = 4000
+_HISTORY_BYTES = 64_000_000
+_BYTES_PER_PIXEL = 16
 
 
-def stream_qos() -> QoSProfile:
-    """QoS of a stream that must not lose a message: reliable, volatile, deep."""
+def history_depth(pixels: int) -> int:
+    """Depth of a loop's stream: its listeners may be away for seconds, for at most 64 MB.
+
+    A reliable stream loses what falls out of its history before a listener has it, and on a busy
+    machine a listener may not run for some tenths of a second: hundreds of samples in lockstep.
+
+    Parameters
+    ----------
+    pixels
+        Number of pixels that a message tells of; 1 for a vector.
+
+    Returns
+    -------
+    int
+        Number of messages, 100 to 4000.
+    """
+    return max(_DEPTH, min(LISTENER_DEPTH, _HISTORY_BYTES // (_BYTES_PER_PIXEL * pixels)))
+
+
+def stream_qos(depth: int = _DEPTH) -> QoSProfile:
+    """QoS of a stream that must not lose a message: reliable, volatile, deep.
+
+    Parameters
+    ----------
+    depth
+        Number of messages that wait for a listener that is away.
+    """
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     return QoSProfile(
-        depth=_DEPTH,
+        depth=depth,
         history=HistoryPolicy.KEEP_LAST,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.VOLATILE,
@@ -58,7 +87,7 @@ def latched_qos(depth: int = _DEPTH) -> QoSProfile:
     )
 
 
-def handshake_qos(mode: str) -> QoSProfile:
+def handshake_qos(mode: str, depth: int = _DEPTH) -> QoSProfile:
     """QoS of ``events`` and ``command``, the two messages that a lockstep partner waits for.
 
     In lockstep they are latched: the one token in flight is not lost if its reader comes late, so
@@ -68,8 +97,10 @@ def handshake_qos(mode: str) -> QoSProfile:
     ----------
     mode
         ``lockstep`` or ``realtime``.
+    depth
+        Number of messages that wait.
     """
-    return latched_qos() if mode == 'lockstep' else stream_qos()
+    return latched_qos(depth) if mode == 'lockstep' else stream_qos(depth)
 
 
 def clock_qos() -> QoSProfile:

@@ -84,11 +84,14 @@ class PlantNode(ManagedNode):
         self._model.require_stabilizable()
         self._model.require_detectable()
         self._scene = scenario.scene
+        pixels = self._scene.pixel_count
         self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
         self.plant = disturbed(self.make_plant(scenario), scenario)
-        self._luminosity_publisher = self.advertise(Image, topics.LUMINOSITY, topics.stream_qos())
+        self._luminosity_publisher = self.advertise(
+            Image, topics.LUMINOSITY, topics.stream_qos(topics.history_depth(pixels))
+        )
         self._state_publisher = self.advertise_on_demand(
-            JointState, topics.STATE, topics.stream_qos()
+            JointState, topics.STATE, topics.stream_qos(topics.LISTENER_DEPTH)
         )
         driver = LockstepDriver if scenario['mode'] == 'lockstep' else RealtimeDriver
         self._driver: LockstepDriver | RealtimeDriver = driver(self, scenario)

@@ -1,0 +1,44 @@
+"""A listener that does not run for a second misses nothing: the publishers' histories are deep."""
+
+import signal
+import subprocess
+import time
+
+from loop_support import CONFIG, environment, listening, program
+
+from dvs_closed_loop.bag import read_bag
+from dvs_interfaces import topics
+
+STALL_S = 1.0
+DURATION_S = 4.0
+
+
+def test_a_recorder_that_is_stopped_for_a_second_misses_nothing(domain, tmp_path, processes):
+    with listening(domain) as listener:
+        recorder = subprocess.Popen(
+            [
+                *(program('closed_loop'), '--params-file', str(CONFIG / 'mirror_r1.yaml')),
+                *('--output', str(tmp_path), '--duration', str(DURATION_S)),
+            ],
+            env=environment(domain),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        processes.append(recorder)
+        commands = listener.streams[topics.COMMAND]
+        assert listener.spin_until(lambda: len(commands) > 100)
+        recorder.send_signal(signal.SIGSTOP)
+        before = len(commands)
+        stalled_until = time.monotonic() + STALL_S
+        listener.spin_until(lambda: time.monotonic() > stalled_until)
+        missed = len(commands) - before
+        recorder.send_signal(signal.SIGCONT)
+        output, _ = recorder.communicate(timeout=60)
+
+    # More than the middleware's shared memory and a history of 100 messages hold.
+    assert missed > 300, 'this machine is too slow to tell'
+    assert recorder.returncode == 0, output
+    # The verdict has refused a recording in which a sample lacks one of its messages.
+    heard = [m.topic for m in read_bag(tmp_path / 'mirror_r1/bag').messages]
+    assert heard.count(topics.COMMAND) == round(DURATION_S / 1e-3) + 1
