@@ -85,7 +85,7 @@ def test_closed_loop_refuses_a_bad_file(text, message, domain, tmp_path):
 
     run = run_closed_loop(scenario, domain, tmp_path / 'out')
 
-    assert run.returncode == 1
+    assert run.returncode == 2
     assert message in run.stderr
     assert 'Traceback' not in run.stderr
     assert len(run.stderr.strip().splitlines()) == 1
@@ -94,5 +94,5 @@ def test_closed_loop_refuses_a_bad_file(text, message, domain, tmp_path):
 def test_closed_loop_refuses_a_missing_file(domain, tmp_path):
     run = run_closed_loop(tmp_path / 'none.yaml', domain, tmp_path / 'out')
 
-    assert run.returncode == 1
+    assert run.returncode == 2
     assert 'cannot be read: No such file or directory' in run.stderr

@@ -65,10 +65,13 @@ def test_two_loops_run_side_by_side_as_if_alone(domain, new_domain, tmp_path, pr
         output, _ = process.communicate(timeout=60)
         assert 'results' in output, output
 
-    for scenario in LOOPS.values():
+    for namespace, scenario in LOOPS.items():
         alone = tmp_path / 'alone'
         run_closed_loop(scenario, new_domain(), alone, '--duration', DURATION, '--composed')
-        together, single = streams_of(tmp_path / 'both', scenario), streams_of(alone, scenario)
+        together, single = (
+            streams_of(tmp_path / 'both' / namespace, scenario),
+            streams_of(alone, scenario),
+        )
         assert len(single[topics.COMMAND]) == 401
         assert together == single, scenario
 
@@ -88,6 +91,6 @@ def test_a_remapped_loop_runs(domain, processes):
 def test_a_namespace_that_is_no_name_is_refused(domain, tmp_path):
     run = run_closed_loop('mirror_r3', domain, tmp_path, '--namespace', 'not a name')
 
-    assert run.returncode == 1
+    assert run.returncode == 2
     assert run.stderr.startswith('closed_loop: namespace = not a name: must be names of letters')
     assert 'Traceback' not in run.stderr

@@ -131,7 +131,7 @@ def test_duration_ends_a_recording_and_the_bag_is_not_overwritten(domain, tmp_pa
 
     assert first.returncode == 0, first.stderr
     assert 'nothing heard' in first.stdout
-    assert second.returncode == 1
+    assert second.returncode == 2
     assert 'is not overwritten' in second.stderr
     assert 'Traceback' not in second.stderr
 
@@ -216,7 +216,7 @@ def test_wrong_arguments_are_one_clear_message(arguments, message, domain, tmp_p
         cwd=tmp_path,
     )
 
-    assert result.returncode == 1
+    assert result.returncode == 2
     assert message in result.stderr
     assert result.stderr.count('\n') == 1
     assert list(tmp_path.iterdir()) == []

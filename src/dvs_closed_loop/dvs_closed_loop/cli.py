@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(module.run(options))
     except SuiteError as error:
         print(f'dvs_closed_loop {name}: {error}', file=sys.stderr)
-        return 1
+        return error.exit_code
     except KeyboardInterrupt:
         return 0
 

@@ -361,7 +361,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='closed_loop',
         description='Run a scenario as three ROS 2 nodes, record and judge it. The exit code is '
-        '0 if the run regulated and the sector bound held (or was ended by Ctrl-C).',
+        '0 if the run regulated and the sector bound held (or was ended by Ctrl-C), 1 if not, and '
+        '2 if a parameter or argument is wrong.',
     )
     parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
     parser.add_argument('--output', type=Path, default=Path('out'), help='folder of the results')
@@ -389,7 +390,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Command line without the program name; `sys.argv` by default.
     """
     options = _parser().parse_args(arguments)
-    output = options.output / options.params_file.stem
+    output = options.output / options.namespace.strip('/') / options.params_file.stem
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         run = run_scenario(
@@ -402,7 +403,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     except SuiteError as error:
         print(f'closed_loop: {error}', file=sys.stderr)
-        return 1
+        return error.exit_code
     except InterruptedEarly:
         print('interrupted before the first command')
         return 0

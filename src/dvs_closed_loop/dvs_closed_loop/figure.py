@@ -40,7 +40,7 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
     figure = Figure(figsize=(12, 8), layout='constrained')
     axes = figure.subplots(2, 2)
     for panel, draw in zip(axes.flat, _OVERVIEW, strict=True):
-        draw(panel, trace, scenario)
+        draw(panel, trace, scenario, verdict)
     word = 'regulated' if verdict.regulated else 'not regulated'
     figure.suptitle(
         f'{verdict.scenario}: {word}, r = {verdict.pixels}, h = {verdict.h:g} '
@@ -49,7 +49,7 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
     figure.savefig(path, dpi=110)
 
 
-def panel_svg(name: str, trace: Trace, scenario: Scenario) -> bytes:
+def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> bytes:
     """One panel as an SVG document.
 
     Parameters
@@ -60,17 +60,19 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario) -> bytes:
         Signals of the run.
     scenario
         Its parameters.
+    verdict
+        Its figures.
     """
     matplotlib.use('Agg', force=False)
     figure = Figure(figsize=(6.4, 4.0), layout='constrained')
-    PANELS[name](figure.subplots(), trace, scenario)
+    PANELS[name](figure.subplots(), trace, scenario, verdict)
     buffer = io.BytesIO()
     # Without a date, so that the same run gives the same bytes.
     figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
     return buffer.getvalue()
 
 
-def _draw_error(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
     axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
     if np.any(errors > 0):
@@ -81,7 +83,7 @@ def _draw_error(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.grid(alpha=0.3, which='both')
 
 
-def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     centre = np.array(scenario['set_point'])
     if centre.size < 2:
         axes.plot(trace.times_s, trace.states[:, 0], color=BLUE, lw=1.2)
@@ -106,7 +108,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_events(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+def _draw_events(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     stride = max(1, len(trace.events) // _MOST_RASTER_EVENTS)
     times, pixels = trace.event_times_s[::stride], trace.event_pixels[::stride]
     polarity = trace.events['polarity'][::stride]
@@ -138,7 +140,7 @@ def _draw_events(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     )
 
 
-def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     axes.plot(trace.times_s, trace.luminosities[:, 0], color=GREY, lw=1.4, label='luminosity y')
     axes.step(
         trace.times_s, trace.estimates[:, 0], where='post', color=BLUE, lw=0.9, label='estimate z'
@@ -150,7 +152,7 @@ def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_command(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+def _draw_command(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     for i, colour in zip(range(trace.commands.shape[1]), _CYCLE, strict=False):
         axes.step(
             trace.times_s,
@@ -165,16 +167,18 @@ def _draw_command(axes: Axes, trace: Trace, scenario: Scenario) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario) -> None:
+def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     relative = np.abs(trace.estimates - trace.luminosities) / np.abs(trace.luminosities)
     if scenario['photoreceptor'] == 'signed_log':
         relative[np.abs(trace.luminosities) < scenario['dead_band']] = np.nan
     axes.plot(trace.times_s, np.nanmax(relative, axis=1), color=BLUE, lw=0.9)
+    axes.axhline(verdict.delta_z, color=VERMILION, ls='--', lw=1, label='sector bound delta_z')
+    axes.legend(loc='lower right', frameon=False)
     axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|', title='Relative error of the estimate')
     axes.grid(alpha=0.3)
 
 
-Drawer = Callable[[Axes, Trace, Scenario], None]
+Drawer = Callable[[Axes, Trace, Scenario, Verdict], None]
 _CYCLE = (BLUE, VERMILION, GREEN, GREY)
 _OVERVIEW: tuple[Drawer, ...] = (
     _draw_error,

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     output.mkdir(parents=True, exist_ok=True)
     figures = {}
     if recorded.trace is not None and verdict is not None:
-        figures = {title: panel_svg(title, recorded.trace, scenario) for title in PANELS}
+        figures = {title: panel_svg(title, recorded.trace, scenario, verdict) for title in PANELS}
         save_figure(recorded.trace, scenario, verdict, output / 'report.png')
     page = output / 'report.html'
     page.write_text(

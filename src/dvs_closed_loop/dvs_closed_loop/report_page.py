@@ -151,7 +151,11 @@ def _tiles(verdict: Verdict | None) -> str:
         (f'{verdict.h:g}', f'threshold h (published bound h* = {verdict.h_star:.4f})'),
         (f'{verdict.events:,}', f'events, {verdict.events_per_pixel:.1f} a pixel'),
         (f'{verdict.pixels:,}', 'pixels r'),
-        (f'{verdict.cycles:,}', f'cycles, {verdict.cycles_per_second:.0f} a second'),
+        (
+            f'{verdict.cycles:,}',
+            f'cycles, {verdict.cycles_per_second:.0f} a second, '
+            f'{verdict.samples_skipped} samples skipped',
+        ),
         (f'{verdict.simulated_seconds:.3g} s', f'simulated, {speed:.2f} × real time'),
     )
     body = ''.join(
@@ -188,7 +192,7 @@ def _event_table(recorded: RecordedRun) -> str:
         ('first index', '–' if index.first_index is None else str(index.first_index)),
         ('restarts of the camera', str(index.restarts)),
     ]
-    return _table(('', ''), rows, numbers=(1,))
+    return _table(('events on the way', 'number'), rows, numbers=(1,))
 
 
 def _parameter_table(scenario: Scenario) -> str:

@@ -39,6 +39,8 @@ class Verdict:
         Largest ``||x - x_d||`` over the last third of the run.
     sector_ratio_max
         Largest ``|z - y| / (delta_z |y|)`` over all pixels and samples outside the dead band.
+    delta_z
+        Bound of Lemma 4 on ``|z - y| / |y|``, the largest of all pixels.
     pixels
         r.
     events
@@ -47,6 +49,8 @@ class Verdict:
         ``events / r``.
     cycles
         Number of commands.
+    samples_skipped
+        Number of samples without a command: a plant on the wall clock skips what it is late for.
     cycles_per_second
         Commands a wall-clock second.
     wall_seconds
@@ -66,10 +70,12 @@ class Verdict:
     final_error: float
     limsup_error: float
     sector_ratio_max: float
+    delta_z: float
     pixels: int
     events: int
     events_per_pixel: float
     cycles: int
+    samples_skipped: int
     cycles_per_second: float
     wall_seconds: float
     simulated_seconds: float
@@ -101,6 +107,7 @@ class Verdict:
         word = 'regulated' if self.regulated else 'NOT regulated'
         word += ' (interrupted)' if self.interrupted else ''
         held = 'held' if self.sector_held else 'VIOLATED'
+        skipped = f', {self.samples_skipped} samples skipped' if self.samples_skipped else ''
         return '\n'.join(
             (
                 f'{self.scenario}: {word}',
@@ -114,7 +121,7 @@ class Verdict:
                 f'{self.pixels} pixels)',
                 f'  speed                {self.cycles} cycles, {self.cycles_per_second:.0f} '
                 f'cycles/s, {self.simulated_seconds / max(self.wall_seconds, 1e-9):.2f} x real '
-                'time',
+                f'time{skipped}',
             )
         )
 
@@ -160,10 +167,12 @@ def judge(
         final_error=float(errors[-1]),
         limsup_error=limsup,
         sector_ratio_max=float(sector_ratios(trace, scenario, bounds).max(initial=0.0)),
+        delta_z=float(_error_bound(trace, scenario, bounds).max()),
         pixels=pixels,
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
         cycles=cycles,
+        samples_skipped=round(trace.times_s[-1] / scenario['sampling_period']) + 1 - cycles,
         cycles_per_second=(cycles - 1) / wall_seconds if wall_seconds > 0 else 0.0,
         wall_seconds=wall_seconds,
         simulated_seconds=float(trace.times_s[-1]),
@@ -186,11 +195,7 @@ def sector_ratios(
     bounds
         Bounds m, M of q(0); those around the first luminosity for None.
     """
-    bound = sector(
-        bounds or scenario.reference_bounds(trace.luminosities[0]),
-        event_threshold=scenario['event_threshold'],
-        log_base=scenario['log_base'],
-    ).error_bound
+    bound = _error_bound(trace, scenario, bounds)
     y = trace.luminosities
     # No estimate is in the sector of y = 0: the ratio is infinite, or the pixel is silent.
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -199,3 +204,11 @@ def sector_ratios(
         outside = np.abs(y) >= float(scenario['dead_band'])
         return np.asarray(ratios[outside])
     return ratios.ravel()
+
+
+def _error_bound(trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None) -> FloatArray:
+    return sector(
+        bounds or scenario.reference_bounds(trace.luminosities[0]),
+        event_threshold=scenario['event_threshold'],
+        log_base=scenario['log_base'],
+    ).error_bound

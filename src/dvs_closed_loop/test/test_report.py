@@ -73,7 +73,7 @@ def test_a_report_of_a_bag_by_rosbag2(storage, tmp_path, capsys):
     scenario = tmp_path / 'scenario.yaml'
     scenario.write_text(json.dumps({'/**': {'ros__parameters': parameters}}))
 
-    assert main(['report', str(folder)]) == 1
+    assert main(['report', str(folder)]) == 2
     assert 'params-file' in capsys.readouterr().err
     options = ['--params-file', str(scenario), '--output', str(tmp_path / 'out')]
     assert main(['report', str(folder), *options]) == 0
@@ -99,6 +99,6 @@ def test_a_bag_without_states_is_reported_without_a_verdict(tmp_path, capsys):
 
 
 def test_what_is_no_bag_is_one_line_on_stderr(tmp_path, capsys):
-    assert main(['report', str(tmp_path / 'nothing')]) == 1
+    assert main(['report', str(tmp_path / 'nothing')]) == 2
 
     assert capsys.readouterr().err.count('\n') == 1

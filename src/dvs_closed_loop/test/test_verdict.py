@@ -10,6 +10,7 @@ from recorded_messages import recorded
 
 from dvs_closed_loop.trace import decode_trace
 from dvs_closed_loop.verdict import Verdict, judge, sector_ratios
+from dvs_interfaces.reference_bounds import ReferenceBounds
 from dvs_interfaces.scenario import Scenario
 
 H = 0.15
@@ -108,6 +109,23 @@ def test_counts_and_rates():
     assert verdict.cycles_per_second == 2.0
     assert verdict.simulated_seconds == pytest.approx(4e-3)
     assert judged(run([0.0]), wall_seconds=0.0).cycles_per_second == 0
+
+
+def test_skipped_samples_are_counted():
+    messages = recorded([([1.0, 0.0], [2.0] * 3, [2.0] * 3)] * 10)
+    late = {topic: [*stream[:4], *stream[7:]] for topic, stream in messages.items()}
+
+    verdict = judged(decode_trace(late))
+
+    assert (verdict.cycles, verdict.samples_skipped) == (7, 3)
+    assert '3 samples skipped' in str(verdict)
+    assert 'skipped' not in str(judged(decode_trace(messages)))
+
+
+def test_the_bound_is_that_of_the_widest_sector():
+    bounds = ReferenceBounds(lower=np.array([1.0, 1.0, 1.0]), upper=np.array([1.0, 1.2, 1.1]))
+
+    assert judged(run([0.0]), bounds=bounds).delta_z == pytest.approx(BOUND)
 
 
 def test_the_file_has_every_figure(tmp_path):

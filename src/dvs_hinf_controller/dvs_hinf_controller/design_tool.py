@@ -45,12 +45,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error('--output saves one design: name its --method instead of --compare')
     try:
         _run(options)
-    except ParameterError as error:
-        print(f'design_controller: {error}', file=sys.stderr)
-        return 2
     except SuiteError as error:
         print(f'design_controller: {error}', file=sys.stderr)
-        return 1
+        return error.exit_code
     return 0
 
 

@@ -68,9 +68,7 @@ class HinfControllerNode(ManagedNode):
         self._request_publisher = self.advertise(
             Empty, topics.KEYFRAME_REQUEST, topics.stream_qos()
         )
-        self.listen(
-            PointCloud2, topics.EVENTS, self._take, topics.handshake_qos(scenario['mode'])
-        )
+        self.listen(PointCloud2, topics.EVENTS, self._take, topics.handshake_qos(scenario['mode']))
         latched = topics.latched_qos(depth=1)
         self.listen(Image, topics.KEYFRAME, self._take_keyframe, latched)
         self.listen(JointState, topics.THRESHOLD, self._take_threshold, latched)

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 
 class SuiteError(Exception):
-    """Anything that the user can mend: reported in one message, without a traceback."""
+    """Anything that the user can mend: reported in one message, without a traceback.
+
+    A command that ends with it has the exit code `exit_code`.
+    """
+
+    exit_code: ClassVar[int] = 1
 
 
 class ParameterError(SuiteError, ValueError):
@@ -19,6 +26,8 @@ class ParameterError(SuiteError, ValueError):
     rule
         The rule that the value breaks, as the end of the sentence "name = value: rule".
     """
+
+    exit_code = 2
 
     def __init__(self, name: str, value: object, rule: str) -> None:
         self.name = name

@@ -179,4 +179,5 @@ def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
     verdict.save(output / 'result.json')
     save_figure(trace, scenario, verdict, output / 'figure.png')
     print(verdict)
+    print(f'  written              {output / "result.json"}, {output / "figure.png"}')
     return 0 if verdict.passed else 1
