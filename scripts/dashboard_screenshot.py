@@ -14,8 +14,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
+try:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+except ImportError:
+    raise SystemExit('selenium is missing: run scripts/setup.sh --test') from None
 
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / 'docs' / 'figures' / 'dashboard.png'

@@ -31,6 +31,7 @@ PACKAGE = {
     'hinf_controller': 'dvs_hinf_controller',
     'closed_loop': 'dvs_closed_loop',
     'composed_loop': 'dvs_closed_loop',
+    'dvs_closed_loop': 'dvs_closed_loop',
 }
 
 

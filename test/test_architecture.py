@@ -19,6 +19,7 @@ ROS_ROOMS = {
         'closed_loop',
         'composed_loop',
         'loop_parameters',
+        'loop_runner',
         'run_recorder',
     },
 }

@@ -5,9 +5,8 @@ import shutil
 import urllib.request
 
 import pytest
-from loop_support import PACKAGE, start, stop, wait_for
+from loop_support import start, stop, wait_for
 
-PACKAGE['dvs_closed_loop'] = 'dvs_closed_loop'
 FLAGS = (
     '--headless',
     '--no-sandbox',
@@ -90,10 +89,28 @@ def test_the_page_of_a_running_loop(browser, domain, processes):
         assert browser.execute_script(INK, canvas) > 1000, canvas
     assert browser.get_log('browser') == []
 
+    for node in processes[1:]:
+        stop(node)
+    assert_an_ended_loop_is_not_called_live(browser)
+
     code, output = stop(dashboard)
     assert code == 0, output
     assert 'Traceback' not in output
     assert wait_for(lambda: text_of(browser, 'status') == 'connection lost')
+
+
+def assert_an_ended_loop_is_not_called_live(browser):
+    assert wait_for(lambda: text_of(browser, 'status') == 'loop is silent')
+    browser.refresh()
+    seen = []
+
+    def is_silent():
+        seen.append(text_of(browser, 'status'))
+        return seen[-1] == 'loop is silent'
+
+    assert wait_for(is_silent), seen
+    assert 'live' not in seen
+    assert number_of(browser, 'value-error') < 0.05
 
 
 def test_the_page_without_a_loop_says_so(browser, domain, processes):

@@ -58,6 +58,7 @@ def test_two_runs_and_a_composed_run_give_the_same_bytes(new_domain, tmp_path):
             'mirror_r9', new_domain(), tmp_path / name, '--duration', '1.5', *options
         )
         assert run.returncode == 0, run.stdout + run.stderr
+        assert 'Warning' not in run.stdout + run.stderr
 
     bags = [streams_of_bag(tmp_path / n / 'mirror_r9' / 'bag') for n in ('one', 'two', 'composed')]
     assert [len(bags[0][topic]) for topic in STREAMS] == [1501, 1501]

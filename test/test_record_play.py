@@ -7,7 +7,6 @@ import pytest
 import yaml
 from loop_support import (
     CONFIG,
-    PACKAGE,
     environment,
     listening,
     program,
@@ -25,8 +24,6 @@ from dvs_closed_loop.streams import STREAMS
 from dvs_closed_loop.verdict import sector_ratios
 from dvs_interfaces import topics
 from dvs_interfaces.messages import pack_clock, parse_command
-
-PACKAGE['dvs_closed_loop'] = 'dvs_closed_loop'
 
 
 def scenario_file(path, **changes):

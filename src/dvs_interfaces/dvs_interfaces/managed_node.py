@@ -34,8 +34,6 @@ _DIAGNOSTICS_S = 1.0
 _LOOK_S = 0.1
 # The middleware asks a reader every 3 s what it misses.
 _FAREWELL_S = 3.5
-# Timers of a node follow the wall clock, even where use_sim_time ties the node's clock to /clock.
-_WALL_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class ManagedNode(LifecycleNode):
@@ -81,6 +79,8 @@ class ManagedNode(LifecycleNode):
         self._demanded: list[DemandedPublisher] = []
         self._schema = SCHEMA if own_parameters is None else SCHEMA.closed(own_parameters)
         self._specs = [*SCHEMA.of_node(executable), *(own_parameters or ())]
+        # Timers follow the wall clock, even where use_sim_time ties the node's clock to /clock.
+        self._wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._foreign = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._make_change)
@@ -225,7 +225,7 @@ class ManagedNode(LifecycleNode):
             if self.is_active:
                 callback()
 
-        timer = self.create_timer(period_s, guarded, clock=_WALL_CLOCK)
+        timer = self.create_timer(period_s, guarded, clock=self._wall_clock)
         self._entities.append((self.destroy_timer, timer))
         return timer
 

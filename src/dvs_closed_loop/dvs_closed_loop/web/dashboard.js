@@ -8,7 +8,7 @@ const COLOURS = {
 const SERIES = [COLOURS.sky, COLOURS.orange, COLOURS.green, COLOURS.vermilion];
 const KEPT_S = 32;
 const SILENT_MS = 2000;
-const PAD = { left: 62, right: 14, top: 10, bottom: 30 };
+const PAD = { left: 72, right: 14, top: 10, bottom: 30 };
 
 const byId = (id) => document.getElementById(id);
 const kept = { error: [], state: [], command: [], samples: [], events: [] };
@@ -55,6 +55,8 @@ function connect() {
   source.addEventListener('past', (event) => {
     forget();
     for (const frame of JSON.parse(event.data)) take(frame);
+    // What has been is no sign of life.
+    if (movedAt) movedAt = -Infinity;
   });
   source.onmessage = (event) => take(JSON.parse(event.data));
   source.onopen = () => { source.connected = true; };
@@ -111,7 +113,7 @@ class Plot {
     this.y = (v) => this.inner.y + (1 - (f(v) - y0) / (y1 - y0)) * this.inner.h;
   }
 
-  axes(xRange, yRange, { log = false, xLabel = 'time [s]', yTicks = null } = {}) {
+  axes(xRange, yRange, { log = false, xLabel = 'time [s]', yLabel = '', yTicks = null } = {}) {
     this.scale(xRange, yRange, log);
     const c = this.context;
     c.font = '12px system-ui, sans-serif';
@@ -127,6 +129,8 @@ class Plot {
     }
     c.textAlign = 'right';
     c.fillText(xLabel, this.width - PAD.right, this.height - 11);
+    this.upwards(yLabel);
+    c.textAlign = 'right';
     c.textBaseline = 'middle';
     for (const [value, label] of yTicks || this.valueTicks(yRange, log)) {
       this.rule(this.inner.x, this.y(value), this.inner.x + this.inner.w, this.y(value));
@@ -152,6 +156,17 @@ class Plot {
       }
     }
     return ticks;
+  }
+
+  upwards(text) {
+    const c = this.context;
+    c.save();
+    c.translate(14, this.inner.y + this.inner.h / 2);
+    c.rotate(-Math.PI / 2);
+    c.textAlign = 'center';
+    c.textBaseline = 'middle';
+    c.fillText(text, 0, 0);
+    c.restore();
   }
 
   rule(x0, y0, x1, y1) {
@@ -223,7 +238,7 @@ function drawError(plot, span) {
   if (scenario) values.push(scenario.tolerance);
   const low = values.length ? Math.min(...values) / 1.5 : 1e-3;
   const high = values.length ? Math.max(...values) * 1.5 : 1;
-  plot.axes(span, [low, high], { log: true });
+  plot.axes(span, [low, high], { log: true, yLabel: 'state units' });
   if (scenario) {
     const y = plot.y(scenario.tolerance);
     plot.dashed(() => plot.rule(plot.inner.x, y, plot.inner.x + plot.inner.w, y), COLOURS.vermilion);
@@ -249,7 +264,9 @@ function drawPhase(plot, span) {
     xr = [mx - unit * plot.inner.w, mx + unit * plot.inner.w];
     yr = [my - unit * plot.inner.h, my + unit * plot.inner.h];
   }
-  plot.axes(xr, yr, { xLabel: planar ? 'x₁, upwards x₂' : 'time [s]' });
+  plot.axes(xr, yr, planar
+    ? { xLabel: 'x₁ [state units]', yLabel: 'x₂ [state units]' }
+    : { yLabel: 'x₁ [state units]' });
   const c = plot.context;
   if (target) {
     const radius = Math.abs(plot.x(scenario.tolerance) - plot.x(0));
@@ -305,7 +322,7 @@ function drawEstimate(plot, span) {
   const choice = Math.max(0, (newest.pixels || []).indexOf(Number(byId('pixel').value)));
   const points = visible(kept.samples, span).filter((p) => p[1].length > choice);
   const values = points.flatMap((p) => [p[1][choice], p[2][choice]]);
-  plot.axes(span, extent(values, 1e-4));
+  plot.axes(span, extent(values, 1e-4), { yLabel: 'luminosity units' });
   plot.curve(points, (p) => p[0], (p) => p[1][choice], COLOURS.grey, { width: 2.4 });
   plot.curve(points, (p) => p[0], (p) => p[2][choice], COLOURS.orange, { step: true });
   plot.end();
@@ -314,7 +331,7 @@ function drawEstimate(plot, span) {
 function drawCommand(plot, span) {
   const points = visible(kept.command, span);
   const inputs = points.length ? points[0].length - 1 : 0;
-  plot.axes(span, extent(points.flatMap((p) => p.slice(1)), 1e-3));
+  plot.axes(span, extent(points.flatMap((p) => p.slice(1)), 1e-3), { yLabel: 'input units' });
   for (let i = inputs - 1; i >= 0; i -= 1) {
     plot.curve(points, (p) => p[0], (p) => p[i + 1], SERIES[i % SERIES.length], { step: true });
   }
