@@ -9,6 +9,9 @@ import numpy as np
 
 from dvs_interfaces.events import INDEX_MODULUS, EventPacket
 
+# Events a second that are better read one by one than by the million.
+_FEW = 1e4
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamReport:
@@ -26,6 +29,8 @@ class StreamReport:
         Events missing according to the running index.
     unordered_events
         Events earlier than the one before them.
+    restarts
+        Packets with a stamp before the last one: the camera, or its clock, began anew.
     seconds
         Time that the packets cover, s.
     delay_s
@@ -39,20 +44,32 @@ class StreamReport:
     on_events: int
     lost_events: int
     unordered_events: int
+    restarts: int
     seconds: float
     delay_s: float
     jitter_s: float
 
     def __str__(self) -> str:
         """One line."""
-        rate = self.events / self.seconds if self.seconds > 0 else math.nan
-        share = 100 * self.on_events / self.events if self.events else math.nan
+        share = f'{100 * self.on_events / self.events:.1f}' if self.events else '-'
+        restarts = f', {self.restarts} restarts' if self.restarts else ''
+        delay = (
+            'delay unknown (stamps are of another clock)'
+            if math.isnan(self.delay_s)
+            else f'delay {self.delay_s * 1e3:.2f} ms'
+        )
+        jitter = '-' if math.isnan(self.jitter_s) else f'{self.jitter_s * 1e3:.2f} ms'
         return (
             f'{self.messages} packets, {self.events} events in {self.seconds:.3f} s: '
-            f'{rate * 1e-6:.4f} Mev/s, {share:.1f} % ON, {self.lost_events} lost, '
-            f'{self.unordered_events} out of order, delay {self.delay_s * 1e3:.2f} ms, '
-            f'jitter {self.jitter_s * 1e3:.2f} ms'
+            f'{self._rate()}, {share} % ON, {self.lost_events} lost, '
+            f'{self.unordered_events} out of order{restarts}, {delay}, jitter {jitter}'
         )
+
+    def _rate(self) -> str:
+        if not self.seconds > 0:
+            return '- events/s'
+        rate = self.events / self.seconds
+        return f'{rate:.1f} events/s' if rate < _FEW else f'{rate * 1e-6:.3f} Mev/s'
 
 
 class StreamStatistics:
@@ -69,7 +86,7 @@ class StreamStatistics:
     def reset(self) -> None:
         """Begin a new stretch; order and index go on."""
         self._messages = self._events = self._on = self._lost = self._unordered = 0
-        self._first_ns: int | None = self._last_ns
+        self._restarts = self._covered_ns = 0
         self._delays: list[float] = []
         self._receptions: list[float] = []
 
@@ -83,17 +100,21 @@ class StreamStatistics:
         received_s
             When it was received, s; None if that is not known.
         """
-        events = packet.events
         self._messages += 1
+        if self._last_ns is not None and packet.stamp_ns < self._last_ns:
+            self._restarts += 1
+            self._next_index = self._last_ns = None
         if received_s is not None:
             self._receptions.append(received_s)
             self._delays.append(received_s - packet.stamp_ns * 1e-9)
-        if len(events):
+        if len(packet.events):
             self._count(packet)
-        if self._first_ns is None:
-            first_t = int(events['t'][0]) if len(events) else 0
-            self._first_ns = packet.stamp_ns + first_t
+        begin_ns = self._first_ns(packet) if self._last_ns is None else self._last_ns
+        self._covered_ns += packet.stamp_ns - begin_ns
         self._last_ns = packet.stamp_ns
+
+    def _first_ns(self, packet: EventPacket) -> int:
+        return packet.stamp_ns + (int(packet.events['t'][0]) if len(packet.events) else 0)
 
     def _count(self, packet: EventPacket) -> None:
         events = packet.events
@@ -113,14 +134,14 @@ class StreamStatistics:
         """Statistics since the last reset."""
         delay = float(np.mean(self._delays)) if self._delays else math.nan
         intervals = np.diff(self._receptions)
-        covered = 0 if self._first_ns is None else (self._last_ns or 0) - self._first_ns
         return StreamReport(
             messages=self._messages,
             events=self._events,
             on_events=self._on,
             lost_events=self._lost,
             unordered_events=self._unordered,
-            seconds=covered * 1e-9,
+            restarts=self._restarts,
+            seconds=self._covered_ns * 1e-9,
             delay_s=delay if abs(delay) < self._SAME_CLOCK_S else math.nan,
             jitter_s=float(np.std(intervals)) if intervals.size > 1 else math.nan,
         )

@@ -10,7 +10,7 @@ import pytest
 from dvs_event_camera import show_events
 from dvs_event_camera.event_packet import pack_event_packet
 from dvs_event_camera.stream_statistics import StreamStatistics
-from dvs_interfaces.events import EventPacket, make_events, pack_events
+from dvs_interfaces.events import EVENT_DTYPE, EventPacket, make_events, pack_events
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
 
@@ -81,7 +81,7 @@ def test_table(bag, capsys):
     assert out.split('\n')[0].split() == ['x', 'y', 't', 'p']
     assert sorted(lines) == sorted(rows())
     assert [line[2] for line in lines] == sorted(line[2] for line in lines)
-    assert re.search(rf'5 packets, {len(rows())} events .* Mev/s, .* ON, 0 lost, 0 out of', err)
+    assert re.search(rf'5 packets, {len(rows())} events .* events/s, .* ON, 0 lost, 0 out of', err)
 
 
 def test_csv_and_npz(bag, tmp_path, capsys):
@@ -130,10 +130,45 @@ def test_statistics_count_losses_and_disorder():
     assert report.lost_events == len(found[2].events)
     assert report.unordered_events == 0
     assert report.delay_s == pytest.approx(0.0045, abs=6e-4)
+    # A camera that begins anew has lost nothing.
     statistics.add(found[0], received[4])
-    assert statistics.report().unordered_events >= 1
+    again = statistics.report()
+    assert (again.restarts, again.lost_events) == (1, report.lost_events)
+    assert again.seconds == pytest.approx(report.seconds, abs=2e-3)
+    assert ', 1 restarts, ' in str(again)
+
+
+def test_an_event_from_before_the_last_packet_is_out_of_order():
+    events = np.zeros(2, EVENT_DTYPE)
+    events['index'] = [0, 1]
+    late = np.zeros(2, EVENT_DTYPE)
+    late['index'], late['t'] = [2, 3], [-3 * MS, 0]
+    statistics = StreamStatistics()
+    statistics.add(EventPacket(stamp_ns=START, events=events))
+    statistics.add(EventPacket(stamp_ns=START + MS, events=late))
+
+    report = statistics.report()
+
+    assert (report.unordered_events, report.lost_events, report.restarts) == (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ('events', 'rate'),
+    [(20, '20.0 events/s'), (9_000, '9000.0 events/s'), (50_000, '0.050 Mev/s')],
+)
+def test_the_rate_is_said_in_a_unit_that_can_be_read(events, rate):
+    second = np.zeros(events, EVENT_DTYPE)
+    second['index'] = np.arange(events)
+    statistics = StreamStatistics()
+    statistics.add(EventPacket(stamp_ns=0, events=second[:0]))
+    statistics.add(EventPacket(stamp_ns=10**9, events=second))
+
+    assert f' in 1.000 s: {rate}, ' in str(statistics.report())
 
 
 def test_empty_stream_has_a_line_too():
-    assert '0 events' in str(StreamStatistics().report())
-    assert math.isnan(StreamStatistics().report().delay_s)
+    report = StreamStatistics().report()
+
+    assert '0 events' in str(report)
+    assert math.isnan(report.delay_s)
+    assert 'nan' not in str(report)
