@@ -13,7 +13,7 @@ from dvs_event_camera.imperfections import Imperfections
 from dvs_event_camera.photoreceptor import SignedLogPhotoreceptor
 from dvs_event_camera.pixel_array import PixelArray
 from dvs_event_camera.pixel_events import PixelEvents
-from dvs_event_camera.renderer import EventRenderer
+from dvs_event_camera.renderer import PALETTES, EventRenderer
 from dvs_event_camera.scenes import SCENES, Scene
 
 mpl.use('Agg')
@@ -54,7 +54,7 @@ def draw_pixel(folder: Path) -> None:
     top.plot(t, total * h, color=BLUE, label='reference, ln q/q(0) = N h')
     top.plot(seconds, level, color=BLACK, label='luminosity, ln y/y(0)')
     top.fill_between([], [], color=BLUE, alpha=0.15, lw=0, label='no event within one threshold h')
-    top.set_ylabel('logarithm')
+    top.set_ylabel('natural logarithm [1]')
     top.set_yticks(np.arange(-4, 5) * h)
     top.grid(alpha=0.25)
     top.legend(loc='lower left', frameon=False)
@@ -63,7 +63,7 @@ def draw_pixel(folder: Path) -> None:
         bottom.vlines(events.t[chosen] * 1e-9, 0, side, color=colour, label=label)
     bottom.axhline(0, color=BLACK, lw=0.8)
     bottom.set_yticks([-1, 1], ['OFF', 'ON'])
-    bottom.set_xlabel('time in s')
+    bottom.set_xlabel('time [s]')
     bottom.set_ylabel('events')
     figure.savefig(folder / 'camera_pixel.png', dpi=130)
     plt.close(figure)
@@ -90,8 +90,8 @@ def draw_stamp_errors(folder: Path) -> None:
         axes.loglog(1e9 / periods, errors, marker=marker, color=colour, label=kind)
     axes.axhline(1e-9, color=BLACK, ls=':', lw=1)
     axes.annotate('one nanosecond: the stamp itself', (1e9 / periods[0], 1.2e-9), fontsize=9)
-    axes.set_xlabel('sampling rate in Hz')
-    axes.set_ylabel('worst error of a stamp in s')
+    axes.set_xlabel('sampling rate [Hz]')
+    axes.set_ylabel('worst error of a stamp [s]')
     axes.grid(alpha=0.3, which='both')
     axes.legend(frameon=False)
     figure.savefig(folder / 'camera_stamp_error.png', dpi=130)
@@ -121,8 +121,8 @@ def draw_signed(folder: Path) -> None:
         (flip + 0.08, 0.45),
         arrowprops={'arrowstyle': '->'},
     )
-    axes.set_xlabel('time in s')
-    axes.set_ylabel('luminosity')
+    axes.set_xlabel('time [s]')
+    axes.set_ylabel('luminosity [unit of y]')
     axes.grid(alpha=0.25)
     axes.legend(loc='lower left', frameon=False)
     figure.savefig(folder / 'camera_signed_log.png', dpi=130)
@@ -157,9 +157,9 @@ def draw_imperfections(folder: Path) -> None:
         panel.set_title(name, fontsize=10)
         panel.grid(alpha=0.25)
     for panel in axes[1]:
-        panel.set_xlabel('time in s')
+        panel.set_xlabel('time [s]')
     for panel in axes[:, 0]:
-        panel.set_ylabel('logarithm')
+        panel.set_ylabel('natural logarithm [1]')
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside upper center', ncols=2, frameon=False)
     figure.savefig(folder / 'camera_imperfections.png', dpi=130)
@@ -189,8 +189,11 @@ def draw_renderings(folder: Path) -> None:
     for panel, (scene, style, palette) in zip(axes, cases, strict=True):
         panel.imshow(rendered(scene, style, palette))
         panel.set_title(f'scene {scene}, {style}, {palette}', fontsize=10)
-        panel.set_xlabel('x in pixels')
-        panel.set_ylabel('y in pixels')
+        for row, (name, colour) in enumerate(zip(('ON', 'OFF'), PALETTES[palette], strict=True)):
+            blue, green, red = np.array(colour) / 255
+            panel.text(5, 14 + 16 * row, name, color=(red, green, blue), weight='bold')
+        panel.set_xlabel('x [pixels]')
+        panel.set_ylabel('y [pixels]')
     figure.savefig(folder / 'camera_event_image.png', dpi=130)
     plt.close(figure)
 

@@ -68,7 +68,7 @@ class RecordedRun:
     from_start
         Whether `trace` begins with the first sample of the run.
     wall_seconds
-        Wall-clock time from the first command to the last, s.
+        Wall-clock time from the first sample to the last command, s.
     """
 
     streams: dict[str, StreamStatistics]
@@ -101,8 +101,8 @@ def examine(bag: RecordedBag) -> RecordedRun:
         topic: _statistics(topic, name, bag, stamps) for topic, name in sorted(bag.names.items())
     }
     complete = _complete_messages(last, stamps)
-    commands = last.get(topics.COMMAND, [])
-    wall_ns = commands[-1].received_ns - commands[0].received_ns if commands else 0
+    samples, commands = last.get(topics.LUMINOSITY, []), last.get(topics.COMMAND, [])
+    wall_ns = commands[-1].received_ns - samples[0].received_ns if samples and commands else 0
     trace = decode_trace(complete) if complete[topics.COMMAND] else None
     starts = {values[0] for values in stamps.values() if values}
     began = stamp_of(complete[topics.COMMAND][0]) if trace is not None else None
@@ -112,7 +112,7 @@ def examine(bag: RecordedBag) -> RecordedRun:
         runs=runs,
         trace=trace,
         from_start=starts == {began} and index.first_index in (None, 0),
-        wall_seconds=wall_ns * 1e-9,
+        wall_seconds=max(0, wall_ns) * 1e-9,
     )
 
 

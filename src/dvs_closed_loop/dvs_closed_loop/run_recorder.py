@@ -51,7 +51,8 @@ class RunRecorder:
     def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
         self._bag = bag
         self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED}
-        self.command_times_s: list[float] = []
+        self._first_sample_s: float | None = None
+        self._last_command_s = 0.0
         self.event_count = 0
         self._subscriptions = {
             topic: node.create_subscription(
@@ -70,7 +71,9 @@ class RunRecorder:
         def keep(message: bytes) -> None:
             messages.append(message)
             if topic == topics.COMMAND:
-                self.command_times_s.append(time.perf_counter())
+                self._last_command_s = time.perf_counter()
+            elif topic == topics.LUMINOSITY and self._first_sample_s is None:
+                self._first_sample_s = time.perf_counter()
             elif topic == topics.EVENTS:
                 self.event_count += len(parse_events(message).events)
             self._bag.write(topic, time.time_ns(), message)
@@ -98,9 +101,10 @@ class RunRecorder:
 
     @property
     def wall_seconds(self) -> float:
-        """Wall-clock time from the first command to the last, s."""
-        times = self.command_times_s
-        return times[-1] - times[0] if times else 0.0
+        """Wall-clock time from the first sample to the last command, s."""
+        if self._first_sample_s is None:
+            return 0.0
+        return max(0.0, self._last_command_s - self._first_sample_s)
 
 
 def _qos(topic: str, mode: str) -> QoSProfile:

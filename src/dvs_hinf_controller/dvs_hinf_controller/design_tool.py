@@ -97,8 +97,10 @@ def _run(options: argparse.Namespace) -> None:
     _print(designs, scenario, as_json=options.json)
     if options.figure:
         save_bode_figure(designs, options.figure)
+        print(f'Bode figure: {options.figure}', file=sys.stderr)
     if options.output:
         save_design(designs[0], options.output)
+        print(f'design: {options.output}', file=sys.stderr)
 
 
 def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> None:

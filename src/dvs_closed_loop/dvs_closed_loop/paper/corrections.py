@@ -19,8 +19,6 @@ from dvs_closed_loop.paper.published import TOLERANCE
 from dvs_hinf_controller.state_space import state_response
 from dvs_interfaces.model import FloatArray
 
-_LABEL_BOX = {'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.85, 'pad': 1.0}
-
 
 def positivity(paper: Experiment, mirror: Experiment) -> Figure:
     """Luminosity of the printed example and of its mirror image.
@@ -87,11 +85,17 @@ def counterexample_plot(counterexample: Counterexample) -> Figure:
         ylim=(0, 0.085),
         title='Long after the start',
     )
-    axes[0].legend(loc='upper center', ncols=3, fontsize=8.5)
+    axes[0].legend(loc='upper center', ncols=2, fontsize=8.5)
+    regular = np.isfinite(counterexample.sweep_limsup)
+    top = 1.08 * float(counterexample.sweep_limsup[regular].max())
     axes[1].plot(
         counterexample.sweep_thresholds, counterexample.sweep_limsup, color=plotting.BLACK, lw=1.2
     )
-    axes[1].axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
+    _mark_tolerance(axes[1], 0.34)
+    axes[1].axvspan(
+        counterexample.sweep_thresholds[regular].max(), 0.52, color=plotting.GREY, alpha=0.2, lw=0
+    )
+    axes[1].text(0.515, 0.97 * top, 'y reaches 0', ha='right', va='top', rotation=90, fontsize=9)
     for h, colour, name in (
         (counterexample.figures.h_certified, plotting.GREEN, 'guaranteed'),
         (counterexample.h_allowed, plotting.VERMILION, 'allowed by the theorems'),
@@ -100,7 +104,7 @@ def counterexample_plot(counterexample: Counterexample) -> Figure:
         right = h < 0.25
         axes[1].text(
             h + (0.008 if right else -0.008),
-            0.135 if right else 0.03,
+            0.97 * top if right else 0.2 * top,
             f'{name}\nh = {h:.3f}',
             color=colour,
             ha='left' if right else 'right',
@@ -110,7 +114,7 @@ def counterexample_plot(counterexample: Counterexample) -> Figure:
         xlabel='event threshold h [1]',
         ylabel=r'limsup $\|x^o - x_d\|$ [unit of x]',
         xlim=(0, 0.52),
-        ylim=(0, 0.14),
+        ylim=(0, top),
         title='All thresholds',
     )
     return figure
@@ -159,6 +163,11 @@ def counterexample_gain(counterexample: Counterexample) -> FloatArray:
     return np.asarray(np.linalg.norm(model.output_vector) * np.linalg.norm(g, axis=1))
 
 
+def _mark_tolerance(axes: Axes, left: float) -> None:
+    axes.axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
+    axes.text(left, TOLERANCE, rf'$\epsilon$ = {TOLERANCE:g}', va='bottom', fontsize=9)
+
+
 def certificate(curves: list[ThresholdCurve]) -> Figure:
     """Simulated and guaranteed error against h.
 
@@ -178,23 +187,17 @@ def certificate(curves: list[ThresholdCurve]) -> Figure:
 def _draw_curve(axes: Axes, curve: ThresholdCurve) -> None:
     colour = METHOD_COLOURS[curve.design.method]
     figures = curve.design.figures
-    axes.plot(curve.thresholds, curve.bound, color=colour, label='guaranteed bound')
+    axes.plot(curve.thresholds, curve.bound, color=colour, label='guaranteed')
     axes.plot(curve.thresholds, curve.limsup, '.', color=plotting.BLACK, ms=4, label='simulated')
-    axes.axhline(TOLERANCE, color=plotting.BLACK, ls='--', lw=1.1)
-    marks: tuple[tuple[float, str, Any], ...] = (
-        (figures.h_certified, r'$h_\mathrm{cert}$', colour),
-        (figures.h_star, r'$h^*$', plotting.GREY),
+    _mark_tolerance(axes, 0.006)
+    # The one label where the bound has left room, the other under the simulated runs.
+    marks: tuple[tuple[float, float, str, Any], ...] = (
+        (figures.h_certified, TOLERANCE + 0.002, r'$h_\mathrm{cert}$', colour),
+        (figures.h_star, 0.002, r'$h^*$', plotting.GREY),
     )
-    for place, (h, name, shade) in enumerate(marks):
+    for h, height, name, shade in marks:
         axes.plot([h, h], [0, TOLERANCE], color=shade, lw=1.4)
-        axes.text(
-            h + 0.006,
-            0.003 + 0.0075 * (1 - place),
-            f'{name} = {h:.3f}',
-            color=shade,
-            fontsize=9,
-            bbox=_LABEL_BOX,
-        )
+        axes.text(h + 0.012, height, f'{name} = {h:.3f}', color=shade, fontsize=9)
     axes.set(
         xlabel='event threshold h [1]', xlim=(0, 0.3), ylim=(0, 0.1), title=curve.design.method
     )
