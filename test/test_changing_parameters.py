@@ -3,11 +3,14 @@
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from loop_support import operating, ros_arguments, start, stop
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import parameter_value_to_python
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64MultiArray
 from test_health import latest, values
 
 from dvs_hinf_controller.sector import sector
+from dvs_interfaces.parameters import SCHEMA
 from dvs_interfaces.scenario import Scenario
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
@@ -49,6 +52,28 @@ def test_a_new_set_point_is_reached_and_a_bad_one_changes_nothing(domain, proces
         settle(operator, states)
         assert error(states, OTHER_SET_POINT) < 0.05
         assert error(states, [0.2321, -0.0928]) > 0.05
+
+
+def test_all_parameters_are_told_at_once_as_ros2_param_dump_asks(domain, processes):
+    for executable in NODES:
+        processes.append(start(executable, domain))
+    with operating(domain) as operator:
+        for node in NODES:
+            listed = operator.call(
+                ListParameters, f'{node}/list_parameters', ListParameters.Request()
+            )
+            names = listed.result.names
+            answer = operator.call(
+                GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)
+            )
+            told = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+
+            assert {spec.name for spec in SCHEMA.of_node(node)} <= set(told)
+            assert None not in told.values()
+        assert list(told['reference_lower']) == []
+        assert operator.set_parameters('event_camera', display_rate=20.0).successful
+        refused = operator.set_parameters('event_camera', reference_lower=[0.1, 0.1])
+        assert 'can only change while the node is not active' in refused.reason
 
 
 def test_a_new_threshold_keeps_the_estimate_in_its_sector(domain, processes):

@@ -291,8 +291,7 @@ class ManagedNode(LifecycleNode):
         ParameterError
             If a value breaks its rule.
         """
-        values = {spec.name: self.get_parameter_or(spec.name).value for spec in self._specs}
-        own = {name: plain(value) for name, value in values.items() if value is not None}
+        own = {spec.name: plain(self.get_parameter(spec.name).value) for spec in self._specs}
         return Scenario.from_values({**self._foreign, **own})
 
     # -- lifecycle ------------------------------------------------------------------------------
@@ -409,12 +408,20 @@ class ManagedNode(LifecycleNode):
         overrides = {name: plain(value) for name, value in overrides.items()}
         values = self._schema.validate(overrides)
         for spec in self._specs:
-            value = values[spec.name]
-            # rclpy can't tell the type of an empty list: such a parameter is declared unset.
-            declared = ROS_TYPE[spec.kind] if value == () else value
-            self.declare_parameter(spec.name, declared, descriptor(spec), ignore_override=True)
+            self._declare(spec, values[spec.name])
         own = {spec.name for spec in self._specs}
         return {name: values[name] for name in overrides if name not in own}
+
+    def _declare(self, spec: ParameterSpec, value: Value) -> None:
+        """Declare a parameter; of an empty list rclpy has to be told the type."""
+        kind = ROS_TYPE[spec.kind]
+        empty = value == ()
+        self.declare_parameter(
+            spec.name, kind if empty else value, descriptor(spec), ignore_override=True
+        )
+        if empty:
+            # Unset, it would keep `ros2 param dump` and rqt from seeing any of the others.
+            self.set_parameters([Parameter(spec.name, kind, [])])
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         specs = {spec.name: spec for spec in self._specs}
