@@ -54,6 +54,24 @@ def test_a_new_set_point_is_reached_and_a_bad_one_changes_nothing(domain, proces
         assert error(states, [0.2321, -0.0928]) > 0.05
 
 
+def test_a_node_starts_from_its_own_dump(domain, processes, tmp_path):
+    """`ros2 param dump` writes empty lists, and rclpy reads them as values without a type."""
+    dump = tmp_path / 'dump.yaml'
+    dump.write_text(
+        '/event_camera:\n  ros__parameters:\n    autostart: true\n    event_threshold: 0.12\n'
+        '    reference_lower: []\n    reference_upper: []\n    use_sim_time: false\n'
+    )
+    camera = start('event_camera', domain, ros_arguments(file=dump))
+    processes.append(camera)
+    with operating(domain) as operator:
+        assert operator.parameter('event_camera', 'event_threshold') == 0.12
+        assert list(operator.parameter('event_camera', 'reference_lower')) == []
+        assert operator.lifecycle_state('event_camera') == 'active'
+    code, output = stop(camera)
+    assert code == 0, output
+    assert output == ''
+
+
 def test_all_parameters_are_told_at_once_as_ros2_param_dump_asks(domain, processes):
     for executable in NODES:
         processes.append(start(executable, domain))

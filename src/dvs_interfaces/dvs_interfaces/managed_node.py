@@ -8,9 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import (
-    SetParametersResult,
-)
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
@@ -395,6 +393,22 @@ class ManagedNode(LifecycleNode):
             destroy(entity)
 
     # -- parameters -----------------------------------------------------------------------------
+
+    def declare_parameters(
+        self,
+        namespace: str,
+        parameters: Sequence[tuple[Any, ...]],
+        ignore_override: bool = False,
+    ) -> list[Parameter]:
+        """Declare parameters; an empty list in a parameter file comes as None, without a type."""
+        typed = [
+            (name, value, ParameterDescriptor(dynamic_typing=True), *rest[1:])
+            if value is None
+            else (name, value, *rest)
+            for name, value, *rest in parameters
+        ]
+        declared: list[Parameter] = super().declare_parameters(namespace, typed, ignore_override)
+        return declared
 
     def _declare_parameters(self) -> dict[str, Value]:
         """Declare this node's parameters; return the checked values of other nodes' ones."""

@@ -23,13 +23,15 @@ ROS_TYPE = {
 
 
 def plain(value: Any) -> Any:
-    """Value as the schema knows it: rclpy hands out lists as arrays.
+    """Value as the schema knows it: rclpy hands out lists as arrays, and empty ones as None.
 
     Parameters
     ----------
     value
         Value of a ROS parameter.
     """
+    if value is None:
+        return []
     return list(value) if isinstance(value, array.array) else value
 
 
