@@ -51,6 +51,8 @@ class StreamReport:
 
     def __str__(self) -> str:
         """One line."""
+        if not self.messages:
+            return 'no packet heard'
         share = f'{100 * self.on_events / self.events:.1f}' if self.events else '-'
         restarts = f', {self.restarts} restarts' if self.restarts else ''
         delay = (

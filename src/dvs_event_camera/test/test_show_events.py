@@ -169,6 +169,13 @@ def test_the_rate_is_said_in_a_unit_that_can_be_read(events, rate):
 def test_empty_stream_has_a_line_too():
     report = StreamStatistics().report()
 
-    assert '0 events' in str(report)
+    assert str(report) == 'no packet heard'
     assert math.isnan(report.delay_s)
-    assert 'nan' not in str(report)
+
+
+def test_silence_has_no_rate_and_no_share():
+    statistics = StreamStatistics()
+    statistics.add(EventPacket(stamp_ns=0, events=np.zeros(0, EVENT_DTYPE)), received_s=1e9)
+
+    assert '1 packets, 0 events in 0.000 s: - events/s, - % ON' in str(statistics.report())
+    assert 'delay unknown (stamps are of another clock), jitter -' in str(statistics.report())
