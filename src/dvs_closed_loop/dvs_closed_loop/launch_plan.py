@@ -19,6 +19,7 @@ _RECORDED = (
     topics.LUMINOSITY,
     topics.EVENTS,
     topics.KEYFRAME,
+    topics.THRESHOLD,
     topics.COMMAND,
     topics.STATE,
     topics.ESTIMATE,

@@ -6,6 +6,7 @@ import pytest
 
 from dvs_closed_loop.launch_plan import ARGUMENTS, VIEWERS, launch_plan, record_command
 from dvs_closed_loop.loop_plan import given, loop_plan, plant_program, scenario_file
+from dvs_closed_loop.run_recorder import RECORDED
 from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.scenario import Scenario, load_scenario
 
@@ -121,6 +122,7 @@ def test_a_recording_takes_the_loops_own_topics():
     command = record_command('bag', 'left')
     assert command[:7] == ('ros2', 'bag', 'record', '--storage', 'mcap', '--output', 'bag')
     assert {'/left/events', '/left/command', '/left/clock', '/diagnostics'} < set(command)
+    assert {f'/left/{topic}' for topic in RECORDED if topic[0] != '/'} < set(command)
     assert '/clock' not in command
     assert '/clock' in record_command('bag', '')
 
