@@ -77,11 +77,12 @@ def test_a_recorder_shows_messages_and_size(domain, processes, tmp_path):
         processes.append(start(node, domain, ros_arguments({'duration': 0.0})))
 
     moving = re.compile(r'recording: [1-9]\d* messages .* events/s, ')
-    assert wait_for(lambda: moving.search(terminal.text), 60), terminal.text
+    assert wait_for(
+        lambda: moving.search(terminal.text) and 'hears luminosity' in terminal.text, 60
+    ), terminal.text
     code = terminal.interrupt()
 
     assert code == 0, terminal.text
-    assert 'hears luminosity' in terminal.text
     assert ' MB' in terminal.text and 'LOST' not in terminal.text
     assert 'no event lost' in terminal.text
     assert 'Traceback' not in terminal.text

@@ -68,6 +68,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SuiteError as error:
         print(f'dvs_closed_loop {name}: {error}', file=sys.stderr)
         return error.exit_code
+    except OSError as error:
+        print(f'dvs_closed_loop {name}: {error}', file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 0
 

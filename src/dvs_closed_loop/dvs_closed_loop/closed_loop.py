@@ -16,6 +16,7 @@ from dvs_closed_loop.bag import read_bag
 from dvs_closed_loop.figure import save_figure
 from dvs_closed_loop.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.loop_runner import LoopError, run_loop
+from dvs_closed_loop.output_folder import output_folder
 from dvs_closed_loop.recorded_run import examine
 from dvs_closed_loop.recording import BagWriter
 from dvs_closed_loop.run_recorder import RECORDED
@@ -97,7 +98,7 @@ def run_scenario(
         plant_waits=True,
     )
     design = design_from_scenario(scenario)
-    output.mkdir(parents=True, exist_ok=True)
+    output_folder(output)
     bag_path = output / 'bag'
     if bag_path.exists():
         shutil.rmtree(bag_path)
@@ -180,6 +181,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SuiteError as error:
         print(f'closed_loop: {error}', file=sys.stderr)
         return error.exit_code
+    except OSError as error:
+        print(f'closed_loop: {error}', file=sys.stderr)
+        return 1
     except InterruptedEarly:
         print('interrupted before the first command')
         return 0

@@ -75,6 +75,9 @@ class LoopProgress:
             refresh=False,
         )
         self._bar.n = simulated_s
+        if self._bar.total:
+            # In realtime a run is longer by the time that its first answer takes.
+            self._bar.total = max(self._bar.total, simulated_s)
         self._bar.refresh()
 
     def _begin(self) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
     from dvs_closed_loop.bag import RecordedBag
+    from dvs_closed_loop.streams import Stream
     from dvs_closed_loop.tool_node import ToolNode
 
 _SETTLE_S = 0.5
@@ -78,9 +79,7 @@ def run(options: argparse.Namespace) -> int:
         raise ParameterError('topics', options.topics, f'have no messages in {options.bag}')
     with tool_node('bag_player', options.namespace, options.ros_arguments) as tool:
         publishers = {
-            topic: tool.node.create_publisher(
-                STREAMS[topic].message_type, topic, STREAMS[topic].offered_qos
-            )
+            topic: _publisher(tool, STREAMS[topic], bag)
             for topic in sorted({message.topic for message in bag.messages})
         }
         if options.wait:
@@ -90,6 +89,15 @@ def run(options: argparse.Namespace) -> int:
         _let_arrive(publishers, tool)
     print(f'{options.bag}: {sent} of {len(bag.messages)} messages played')
     return 0
+
+
+def _publisher(tool: ToolNode, stream: Stream, bag: RecordedBag) -> Publisher:
+    from dvs_interfaces.topics import history_depth
+
+    qos = stream.offered_qos
+    if qos.depth > 1:
+        qos.depth = history_depth(max(map(len, bag.of(stream.topic))))
+    return tool.node.create_publisher(stream.message_type, stream.topic, qos)
 
 
 def _wait_for_subscribers(tool: ToolNode, publishers: dict[str, Publisher]) -> None:

@@ -68,7 +68,7 @@ class RecordedRun:
     from_start
         Whether `trace` begins with the first sample of the run.
     wall_seconds
-        Wall-clock time from the first sample to the last command, s.
+        Wall-clock time from the first sample with a command to the last command, s.
     """
 
     streams: dict[str, StreamStatistics]
@@ -101,8 +101,6 @@ def examine(bag: RecordedBag) -> RecordedRun:
         topic: _statistics(topic, name, bag, stamps) for topic, name in sorted(bag.names.items())
     }
     complete = _complete_messages(last, stamps)
-    samples, commands = last.get(topics.LUMINOSITY, []), last.get(topics.COMMAND, [])
-    wall_ns = commands[-1].received_ns - samples[0].received_ns if samples and commands else 0
     trace = decode_trace(complete) if complete[topics.COMMAND] else None
     starts = {values[0] for values in stamps.values() if values}
     began = stamp_of(complete[topics.COMMAND][0]) if trace is not None else None
@@ -112,8 +110,18 @@ def examine(bag: RecordedBag) -> RecordedRun:
         runs=runs,
         trace=trace,
         from_start=starts == {began} and index.first_index in (None, 0),
-        wall_seconds=max(0, wall_ns) * 1e-9,
+        wall_seconds=_wall_seconds(last),
     )
+
+
+def _wall_seconds(last: dict[str, list[RecordedMessage]]) -> float:
+    commands = last.get(topics.COMMAND, [])
+    if not commands:
+        return 0.0
+    first = stamp_of(commands[0].data)
+    samples = (m for m in last.get(topics.LUMINOSITY, []) if stamp_of(m.data) == first)
+    begin = next(samples, commands[0])
+    return max(0, commands[-1].received_ns - begin.received_ns) * 1e-9
 
 
 def _last_run(bag: RecordedBag) -> tuple[dict[str, list[RecordedMessage]], int]:

@@ -45,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
     """
     from dvs_closed_loop.bag import read_bag
     from dvs_closed_loop.figure import PANELS, panel_svg, save_figure
+    from dvs_closed_loop.output_folder import output_folder
     from dvs_closed_loop.recorded_run import examine
     from dvs_closed_loop.report_page import report_page
     from dvs_interfaces.cdr import MessageError
@@ -63,8 +64,7 @@ def run(options: argparse.Namespace) -> int:
             'params-file', None, f'is needed: {options.bag} does not hold its scenario'
         )
     verdict = _judged(recorded, scenario, name)
-    output = options.output or options.bag.parent
-    output.mkdir(parents=True, exist_ok=True)
+    output = output_folder(options.output or options.bag.parent)
     figures = {}
     if recorded.trace is not None and verdict is not None:
         figures = {title: panel_svg(title, recorded.trace, scenario, verdict) for title in PANELS}

@@ -12,6 +12,7 @@ from dvs_closed_loop.recording import BagWriter
 from dvs_closed_loop.streams import STREAMS
 from dvs_interfaces import topics
 from dvs_interfaces.events import parse_events
+from dvs_interfaces.stamped import stamp_of
 
 # What the bag of a run holds.
 RECORDED = (
@@ -51,6 +52,8 @@ class RunRecorder:
     def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
         self._bag = bag
         self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED}
+        # When the samples came that no command has answered yet, up to the first command.
+        self._sample_times_s: dict[int, float] = {}
         self._first_sample_s: float | None = None
         self._last_command_s = 0.0
         self.event_count = 0
@@ -71,14 +74,20 @@ class RunRecorder:
         def keep(message: bytes) -> None:
             messages.append(message)
             if topic == topics.COMMAND:
-                self._last_command_s = time.perf_counter()
+                self._time_command(message)
             elif topic == topics.LUMINOSITY and self._first_sample_s is None:
-                self._first_sample_s = time.perf_counter()
+                self._sample_times_s.setdefault(stamp_of(message), time.perf_counter())
             elif topic == topics.EVENTS:
                 self.event_count += len(parse_events(message).events)
             self._bag.write(topic, time.time_ns(), message)
 
         return keep
+
+    def _time_command(self, message: bytes) -> None:
+        self._last_command_s = time.perf_counter()
+        if self._first_sample_s is None:
+            times = self._sample_times_s
+            self._first_sample_s = times.get(stamp_of(message), self._last_command_s)
 
     def hears_every_node(self) -> bool:
         """Whether all topics that a verdict needs are matched with their publishers."""
@@ -101,10 +110,8 @@ class RunRecorder:
 
     @property
     def wall_seconds(self) -> float:
-        """Wall-clock time from the first sample to the last command, s."""
-        if self._first_sample_s is None:
-            return 0.0
-        return max(0.0, self._last_command_s - self._first_sample_s)
+        """Wall-clock time from the first sample with a command to the last command, s."""
+        return 0.0 if self._first_sample_s is None else self._last_command_s - self._first_sample_s
 
 
 def _qos(topic: str, mode: str) -> QoSProfile:

@@ -46,6 +46,8 @@ class Stream:
         """Quality of service that satisfies every subscriber of the contract."""
         if self.topic == topics.CLOCK:
             return topics.clock_qos()
+        if self.topic in (topics.KEYFRAME, topics.THRESHOLD):
+            return topics.latched_qos(depth=1)
         return topics.latched_qos() if self.latched else topics.stream_qos()
 
 

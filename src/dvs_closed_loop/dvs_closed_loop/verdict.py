@@ -54,7 +54,7 @@ class Verdict:
     cycles_per_second
         Commands a wall-clock second.
     wall_seconds
-        Wall-clock time from the first sample to the last command, s.
+        Wall-clock time from the first sample with a command to the last command, s.
     simulated_seconds
         Length of the run in its own time, s.
     h
@@ -149,7 +149,7 @@ def judge(
     h_star
         Published bound on h for the controller that ran.
     wall_seconds
-        Wall-clock time from the first sample to the last command, s.
+        Wall-clock time from the first sample with a command to the last command, s.
     interrupted
         Whether the run was stopped before its end.
     bounds

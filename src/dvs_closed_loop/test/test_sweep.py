@@ -1,8 +1,10 @@
 import csv
 
+import dask
 import numpy as np
 import pytest
 
+from dvs_closed_loop.cli import main
 from dvs_closed_loop.sweep.certificate import certificate_study, summarize_certificate
 from dvs_closed_loop.sweep.pixels import pixels_study, run_pixels_task
 from dvs_closed_loop.sweep.runner import run_study
@@ -120,3 +122,30 @@ def test_pixels_study_gives_a_row_for_every_run(tmp_path):
     )
     assert len({task.key for task in pixels_study().tasks}) == 7
     assert np.isfinite([row['h_star'] for row in rows]).all()
+
+
+@pytest.mark.parametrize(
+    ('option', 'value', 'rule'),
+    [
+        ('runs', '0', '>= 1'),
+        ('plants', '0', '>= 1'),
+        ('workers', '-2', '>= 1'),
+        ('seed', '-1', '>= 0'),
+    ],
+)
+def test_a_number_that_makes_no_sense_is_refused(option, value, rule, tmp_path, capsys):
+    output = tmp_path / 'out.csv'
+
+    assert main(['sweep', '--study', 'pixels', '--output', str(output), f'--{option}', value]) == 2
+
+    assert f'{option} = {value}: must be {rule}' in capsys.readouterr().err
+    assert not output.exists()
+
+
+@pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nowhere'])
+def test_a_scheduler_that_does_not_answer_is_named(address, tmp_path, capsys):
+    arguments = ['sweep', '--study', 'pixels', '--output', str(tmp_path / 'out.csv')]
+    with dask.config.set({'distributed.comm.timeouts.connect': '1s'}):
+        assert main([*arguments, '--scheduler', address, '--no-progress']) == 2
+
+    assert f'scheduler = {address}: does not answer' in capsys.readouterr().err

@@ -20,7 +20,7 @@ from dvs_event_camera.image_source import LuminosityFrame, parse_compressed, par
 from dvs_event_camera.renderer import EventRenderer
 from dvs_interfaces import topics
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import EventPacket, pack_events
+from dvs_interfaces.events import EVENT_DTYPE, EventPacket, pack_events
 from dvs_interfaces.health import Health, Level, RateMeter, Trouble
 from dvs_interfaces.keyframe import Keyframe, pack_keyframe
 from dvs_interfaces.managed_node import ManagedNode
@@ -70,8 +70,8 @@ class EventCameraNode(ManagedNode):
         mode = self._scenario['mode']
         if not self.is_given('pixel_grid'):
             return topics.handshake_qos(mode)
-        pixels = math.prod(self._scenario['pixel_grid'])
-        return topics.handshake_qos(mode, topics.history_depth(pixels))
+        event_of_every_pixel = EVENT_DTYPE.itemsize * math.prod(self._scenario['pixel_grid'])
+        return topics.handshake_qos(mode, topics.history_depth(event_of_every_pixel))
 
     def _advertise_event_packets(self, qos: QoSProfile) -> Any:
         try:

@@ -91,6 +91,8 @@ def frames_of(options: argparse.Namespace) -> Iterator[NDArray[Any]]:
         rate = getattr(options, name)
         if rate is not None and not 0 < rate <= 1e6:
             raise ParameterError(name, rate, 'must be > 0 and <= 1e6 frames/s')
+    if options.frames < 0:
+        raise ParameterError('frames', options.frames, 'must be >= 0')
     if options.source not in SCENES:
         return recorded_frames(Path(options.source))
     try:

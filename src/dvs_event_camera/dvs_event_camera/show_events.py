@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import math
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -104,6 +105,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(options: argparse.Namespace, command_line: Sequence[str]) -> int:
+    for name, value in (('limit', options.limit), ('seconds', options.seconds)):
+        if value is not None and not 0 <= value < math.inf:
+            raise ParameterError(name, value, 'must be a finite number >= 0')
     sinks = sinks_of(options)
     show = EventShow(sinks, options.limit, options.seconds)
     exit_code = 0

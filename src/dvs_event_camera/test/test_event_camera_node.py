@@ -204,7 +204,9 @@ def test_bridge_without_the_message_package_says_so(graph):
     assert err.count('\n') == 1
 
 
-@pytest.mark.parametrize('arguments', [['--size', 'big'], ['no_such_scene'], ['--rate', '0']])
+@pytest.mark.parametrize(
+    'arguments', [['--size', 'big'], ['no_such_scene'], ['--rate', '0'], ['--frames', '-1']]
+)
 def test_scene_refuses_what_makes_no_sense(graph, arguments):
     code, _, err = graph.start('scene_node', *arguments).wait()
     assert code == 2, err

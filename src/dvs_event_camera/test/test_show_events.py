@@ -108,7 +108,14 @@ def test_limits(bag, capsys):
 
 
 @pytest.mark.parametrize(
-    'arguments', [['/nowhere'], ['BAG', '--topic', 'other'], ['BAG', '--csv', '/nowhere/e.csv']]
+    'arguments',
+    [
+        ['/nowhere'],
+        ['BAG', '--topic', 'other'],
+        ['BAG', '--csv', '/nowhere/e.csv'],
+        ['BAG', '--limit', '-3'],
+        ['BAG', '--seconds', 'nan'],
+    ],
 )
 def test_what_is_wrong_is_said_in_one_line(arguments, bag, capsys):
     arguments = [str(bag) if a == 'BAG' else a for a in arguments]

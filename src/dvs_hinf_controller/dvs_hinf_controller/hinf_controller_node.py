@@ -32,6 +32,8 @@ from dvs_interfaces.spin import run_nodes
 
 _ASK_AGAIN_S = 0.5
 _STALE_S = 2.0
+# Of an estimate.
+_BYTES_A_PIXEL = 8
 
 
 class HinfControllerNode(ManagedNode):
@@ -61,9 +63,11 @@ class HinfControllerNode(ManagedNode):
             topics.COMMAND,
             topics.handshake_qos(scenario['mode'], topics.LISTENER_DEPTH),
         )
-        pixels = self._design.problem.scene.pixel_count
+        estimate_bytes = _BYTES_A_PIXEL * self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
-            Float64MultiArray, topics.ESTIMATE, topics.stream_qos(topics.history_depth(pixels))
+            Float64MultiArray,
+            topics.ESTIMATE,
+            topics.stream_qos(topics.history_depth(estimate_bytes)),
         )
         self._request_publisher = self.advertise(
             Empty, topics.KEYFRAME_REQUEST, topics.stream_qos()

@@ -400,7 +400,22 @@ class ManagedNode(LifecycleNode):
         parameters: Sequence[tuple[Any, ...]],
         ignore_override: bool = False,
     ) -> list[Parameter]:
-        """Declare parameters; an empty list in a parameter file comes as None, without a type."""
+        """Declare parameters; an empty list in a parameter file comes as None, without a type.
+
+        Parameters
+        ----------
+        namespace
+            Prefix of the names.
+        parameters
+            Name, value and descriptor of each.
+        ignore_override
+            Whether the values count and not those that the node was started with.
+
+        Returns
+        -------
+        list of Parameter
+            The declared parameters.
+        """
         typed = [
             (name, value, ParameterDescriptor(dynamic_typing=True), *rest[1:])
             if value is None

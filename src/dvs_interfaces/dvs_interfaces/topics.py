@@ -29,10 +29,9 @@ _DEPTH = 100
 # Messages that wait in the middleware for a listener that is away, if they are small ones.
 LISTENER_DEPTH = 4000
 _HISTORY_BYTES = 64_000_000
-_BYTES_PER_PIXEL = 16
 
 
-def history_depth(pixels: int) -> int:
+def history_depth(message_bytes: int) -> int:
     """Depth of a loop's stream: its listeners may be away for seconds, for at most 64 MB.
 
     A reliable stream loses what falls out of its history before a listener has it, and on a busy
@@ -40,15 +39,15 @@ def history_depth(pixels: int) -> int:
 
     Parameters
     ----------
-    pixels
-        Number of pixels that a message tells of; 1 for a vector.
+    message_bytes
+        Size of a large message of the stream.
 
     Returns
     -------
     int
         Number of messages, 100 to 4000.
     """
-    return max(_DEPTH, min(LISTENER_DEPTH, _HISTORY_BYTES // (_BYTES_PER_PIXEL * pixels)))
+    return max(_DEPTH, min(LISTENER_DEPTH, _HISTORY_BYTES // message_bytes))
 
 
 def stream_qos(depth: int = _DEPTH) -> QoSProfile:

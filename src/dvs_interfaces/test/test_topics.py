@@ -7,11 +7,11 @@ from dvs_interfaces import topics
 
 
 @pytest.mark.parametrize(
-    ('pixels', 'depth'), [(1, 4000), (9, 4000), (1000, 4000), (10_000, 400), (1280 * 720, 100)]
+    ('size', 'depth'), [(16, 4000), (16_000, 4000), (160_000, 400), (1280 * 720 * 16, 100)]
 )
-def test_a_listener_may_be_away_for_long_where_messages_are_small(pixels, depth):
-    assert topics.history_depth(pixels) == depth
-    assert depth == 100 or depth * pixels * 16 <= 64e6
+def test_a_listener_may_be_away_for_long_where_messages_are_small(size, depth):
+    assert topics.history_depth(size) == depth
+    assert depth == 100 or depth * size <= 64e6
 
 
 @pytest.mark.parametrize(

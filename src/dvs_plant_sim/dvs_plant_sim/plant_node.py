@@ -25,6 +25,8 @@ from dvs_plant_sim.realtime_node import RealtimeDriver
 
 _FAILURE = 1
 _STALE_S = 2.0
+# Of a luminosity image.
+_BYTES_A_PIXEL = 8
 
 
 class PlantNode(ManagedNode):
@@ -88,7 +90,9 @@ class PlantNode(ManagedNode):
         self._state_names = tuple(f'x{i + 1}' for i in range(self._model.state_count))
         self.plant = disturbed(self.make_plant(scenario), scenario)
         self._luminosity_publisher = self.advertise(
-            Image, topics.LUMINOSITY, topics.stream_qos(topics.history_depth(pixels))
+            Image,
+            topics.LUMINOSITY,
+            topics.stream_qos(topics.history_depth(_BYTES_A_PIXEL * pixels)),
         )
         self._state_publisher = self.advertise_on_demand(
             JointState, topics.STATE, topics.stream_qos(topics.LISTENER_DEPTH)

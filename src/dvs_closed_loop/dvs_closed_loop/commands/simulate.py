@@ -14,6 +14,7 @@ from dvs_closed_loop import plotting
 from dvs_closed_loop.exact import ClosedLoop, Trajectory, simulate
 from dvs_closed_loop.exact.run_figure import run_figure
 from dvs_closed_loop.exact.signals import sector_ratios
+from dvs_closed_loop.output_folder import output_folder
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_interfaces.scenario import Scenario, load_scenario
 
@@ -59,8 +60,7 @@ def run(options: argparse.Namespace) -> int:
     scenario = scenario.replace(**changes)
     name = options.params_file.stem
     kind = 'sampled' if options.sampled else 'exact'
-    output = options.output or Path('out') / f'{name}-{kind}'
-    output.mkdir(parents=True, exist_ok=True)
+    output = output_folder(options.output or Path('out') / f'{name}-{kind}')
     if options.sampled:
         return _run_sampled(scenario, name, output)
     return _run_exact(scenario, name, output)

@@ -11,6 +11,7 @@ from dvs_closed_loop.sweep.runner import run_study
 from dvs_closed_loop.sweep.study import Study
 from dvs_closed_loop.sweep.sweep_figures import save_study_figure
 from dvs_closed_loop.sweep.threshold import critical_thresholds, threshold_study
+from dvs_interfaces.errors import ParameterError
 
 _DEFAULT_PLANTS, _DEFAULT_RUNS = 220, {'certificate': 500, 'threshold': 40, 'pixels': 200}
 
@@ -52,7 +53,16 @@ def run(options: argparse.Namespace) -> int:
     ----------
     options
         Parsed arguments.
+
+    Raises
+    ------
+    ParameterError
+        If an argument breaks its rule.
     """
+    for name, least in (('runs', 1), ('plants', 1), ('workers', 1), ('seed', 0)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            raise ParameterError(name, value, f'must be >= {least}')
     study = _study(options)
     path = options.output or Path('out') / f'{study.name}.csv'
     table = run_study(

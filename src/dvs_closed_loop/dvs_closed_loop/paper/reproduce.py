@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dvs_closed_loop import plotting
+from dvs_closed_loop.output_folder import output_folder
 from dvs_closed_loop.paper import corrections, figures
 from dvs_closed_loop.paper.animation import animate_platform
 from dvs_closed_loop.paper.experiments import (
@@ -78,8 +79,13 @@ def reproduce_paper(
     -------
     list of TableRow
         The table.
+
+    Raises
+    ------
+    ParameterError
+        If `output` can't be made.
     """
-    output.mkdir(parents=True, exist_ok=True)
+    output_folder(output)
     results = Results()
     steps = _steps(results, output, animation_frames)
     with plotting.in_style(), tqdm(steps, disable=not progress, unit='step') as bar:

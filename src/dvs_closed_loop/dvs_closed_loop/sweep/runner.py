@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from dvs_closed_loop.sweep.study import Row, Study, Task
 from dvs_closed_loop.sweep.table import ResultTable
+from dvs_interfaces.errors import ParameterError
 
 # Tasks handed out ahead of their results: enough to keep workers busy, few enough to stop soon.
 _AHEAD = 4
@@ -68,7 +69,7 @@ def _client(scheduler: str | None, workers: int | None, processes: bool) -> Iter
     distributed: Any = import_module('distributed')
 
     if scheduler is not None:
-        with distributed.Client(scheduler) as client:
+        with _remote_client(distributed, scheduler) as client:
             yield client
         return
     cluster = distributed.LocalCluster(
@@ -80,6 +81,13 @@ def _client(scheduler: str | None, workers: int | None, processes: bool) -> Iter
     )
     with cluster, distributed.Client(cluster) as client:
         yield client
+
+
+def _remote_client(distributed: Any, scheduler: str) -> Any:
+    try:
+        return distributed.Client(scheduler)
+    except (OSError, ValueError) as error:
+        raise ParameterError('scheduler', scheduler, f'does not answer: {error}') from None
 
 
 def _results(client: Any, study: Study, tasks: list[Task]) -> Iterator[tuple[Task, list[Row]]]:

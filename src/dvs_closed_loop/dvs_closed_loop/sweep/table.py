@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from dvs_closed_loop.output_folder import output_folder
 from dvs_closed_loop.sweep.study import Row, Study, Task
 from dvs_interfaces.errors import ParameterError
 
@@ -30,7 +31,7 @@ class ResultTable:
     Raises
     ------
     ParameterError
-        If the file belongs to another study or to other options.
+        If the file belongs to another study or to other options, or its folder can't be made.
     """
 
     def __init__(self, path: Path, study: Study) -> None:
@@ -39,7 +40,7 @@ class ResultTable:
         self._header = json.dumps({'study': study.name, **study.options}, sort_keys=True)
         self._columns = ('task', 'row', *study.columns)
         self.finished: set[str] = set()
-        path.parent.mkdir(parents=True, exist_ok=True)
+        output_folder(path.parent)
         kept = self._complete_rows() if path.exists() else []
         self._rewrite(kept)
 

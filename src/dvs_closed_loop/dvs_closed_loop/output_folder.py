@@ -1,0 +1,27 @@
+"""The folder that a command fills."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dvs_interfaces.errors import ParameterError
+
+
+def output_folder(path: Path) -> Path:
+    """Make the folder if it is not there; return it.
+
+    Parameters
+    ----------
+    path
+        The folder.
+
+    Raises
+    ------
+    ParameterError
+        If it can't be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError('output', path, f"can't be made: {error.strerror}") from None
+    return path
