@@ -43,11 +43,12 @@ def test_realtime_mode_regulates_at_250_hz(new_domain, tmp_path):
     assert run.returncode == 0, run.stdout + run.stderr
     result = json.loads((output / 'mirror_r3_realtime' / 'result.json').read_text())
     assert result['regulated']
-    # The last sample comes when the machine lets it.
-    assert result['simulated_seconds'] == pytest.approx(6, abs=0.5)
-    assert result['wall_seconds'] == pytest.approx(result['simulated_seconds'], rel=0.05)
-    # Nominally 1500 samples; a loaded machine may skip a few.
-    assert 1000 <= result['cycles'] <= 1501
+    # Six seconds from the first command on, which comes when the machine lets it.
+    assert 6 <= result['simulated_seconds'] < 8
+    assert result['wall_seconds'] == pytest.approx(result['simulated_seconds'], abs=0.1)
+    samples = round(result['simulated_seconds'] / 0.004) + 1
+    assert result['cycles'] + result['samples_skipped'] == samples
+    assert result['cycles'] >= 1000
 
 
 def test_a_threshold_far_too_coarse_is_judged_as_not_regulated(domain, tmp_path):
