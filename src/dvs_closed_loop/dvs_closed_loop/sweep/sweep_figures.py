@@ -48,12 +48,22 @@ def certificate_figure(rows: Rows) -> Figure:
     share = np.array([float(row['h']) / float(row['h_certified']) for row in completed])
     ratio = np.array([float(row['ratio']) for row in completed])
     summary = summarize_certificate(rows)
-    axes.scatter(share, ratio, s=3, color=plotting.BLUE, alpha=0.25, lw=0, rasterized=True)
+    # Many small dots show where they lie densely; few are to be seen one by one.
+    few = min(1.0, 2000 / max(len(share), 1))
+    axes.scatter(
+        share,
+        ratio,
+        s=3 + 12 * few,
+        color=plotting.BLUE,
+        alpha=0.25 + 0.5 * few,
+        lw=0,
+        rasterized=True,
+    )
     axes.axhline(1, color=plotting.BLACK, ls='--', lw=1.1)
     axes.text(0.02, 1.02, 'guarantee', transform=axes.get_yaxis_transform(), va='bottom')
     axes.set(
-        xlabel=r'event threshold $h \,/\, h_\mathrm{certified}$',
-        ylabel=r'limsup $\|x - x_d\| \,/\, \epsilon$',
+        xlabel=r'event threshold $h \,/\, h_\mathrm{certified}$ [1]',
+        ylabel=r'limsup $\|x - x_d\| \,/\, \epsilon$ [1]',
         ylim=(0, 1.15),
         title=f'{summary.runs:,} runs over {summary.plants} random plants: '
         f'{summary.violations} violations, tightest {summary.tightest:.3f}',
@@ -96,7 +106,7 @@ def threshold_figure(rows: Rows) -> Figure:
     axes.grid(axis='x', visible=False)
     finite = [line.simulated for line in lines if np.isfinite(line.simulated)]
     axes.set(
-        ylabel='event threshold h (base e)',
+        ylabel='event threshold h [1]',
         ylim=(0, 1.45 * max(finite + [line.h_star for line in lines])),
         title='Where the loop really leaves its tolerance',
     )
@@ -133,7 +143,7 @@ def pixels_figure(rows: Rows) -> Figure:
     axes.minorticks_off()
     axes.set(
         xlabel='number of pixels r',
-        ylabel=r'error $\|x - x_d\|$ in the long run',
+        ylabel=r'error $\|x - x_d\|$ [unit of x]',
         ylim=(0, 0.062),
         title=f'Long-run error against r (structured, h = {float(rows[0]["h"]):g}, mirror)',
     )
