@@ -146,12 +146,26 @@ class Operator(Listener):
     """Does what `ros2 lifecycle`, `ros2 param` and `ros2 topic echo` do."""
 
     def call(self, kind: type, service: str, request: object) -> object:
+        self._meet(service.rpartition('/')[0])
         client = self.node.create_client(kind, service)
         assert self.spin_until(client.service_is_ready), f'no service {service}'
         future = client.call_async(request)
         assert self.spin_until(future.done), f'{service} does not answer'
         self.node.destroy_client(client)
         return future.result()
+
+    def _meet(self, node: str) -> None:
+        """Ask until an answer comes: that to a caller whom the node has not met yet is lost."""
+        client = self.node.create_client(GetParameters, f'{node}/get_parameters')
+        assert self.spin_until(client.service_is_ready), f'no node {node}'
+        questions: list = []
+
+        def is_met() -> bool:
+            questions.append(client.call_async(GetParameters.Request()))
+            return self.spin_until(lambda: any(q.done() for q in questions), timeout_s=1.0)
+
+        assert self.spin_until(is_met), f'{node} does not answer'
+        self.node.destroy_client(client)
 
     def transition(self, node: str, label: str) -> bool:
         request = ChangeState.Request(transition=Transition(label=label))

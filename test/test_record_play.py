@@ -24,6 +24,7 @@ from dvs_closed_loop.streams import STREAMS
 from dvs_closed_loop.verdict import sector_ratios
 from dvs_interfaces import topics
 from dvs_interfaces.messages import pack_clock, parse_command
+from dvs_interfaces.stamped import stamp_of
 
 
 def scenario_file(path, **changes):
@@ -44,12 +45,13 @@ def lines_until(process, wanted):
 
 
 def whole_recording(scenario, new_domain, folder):
-    """A short run from its first packet to its last command, or None."""
+    """A short run from the first packet that its controller took, or None."""
     bag = folder / scenario.stem / 'bag'
     result = run_closed_loop(scenario, new_domain(), folder, '--duration', '1')
     assert bag.is_dir(), result.stderr
     recorded = read_bag(bag)
-    return recorded if examine(recorded).from_start else None
+    first = [stamp_of(recorded.of(topic)[0]) for topic in (topics.EVENTS, topics.COMMAND)]
+    return recorded if first[0] == first[1] and not examine(recorded).index.first_index else None
 
 
 @pytest.mark.parametrize('mode', ['lockstep', 'realtime'])

@@ -170,7 +170,7 @@ def test_bridge_takes_a_drivers_packets(graph):
     publisher = graph.node.create_publisher(String, 'events_packet', topics.stream_qos())
     graph.turn_until(lambda: publisher.get_subscription_count() > 0)
     graph.turn_until(lambda: graph.node.count_publishers('events') > 0)
-    graph.turn_for(0.3)
+    graph.turn_for(1.0)
     for sequence in (0, 1, 5):
         stamp = 10**18 + sequence * MS
         events = make_events(

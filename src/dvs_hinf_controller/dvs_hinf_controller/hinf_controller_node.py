@@ -16,7 +16,7 @@ from dvs_hinf_controller.synchroniser import Synchrony
 from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import parse_events
+from dvs_interfaces.events import EVENT_DTYPE, parse_events
 from dvs_interfaces.health import Health, Level, RateMeter, Trouble
 from dvs_interfaces.keyframe import parse_keyframe
 from dvs_interfaces.managed_node import ManagedNode
@@ -63,16 +63,19 @@ class HinfControllerNode(ManagedNode):
             topics.COMMAND,
             topics.handshake_qos(scenario['mode'], topics.LISTENER_DEPTH),
         )
-        estimate_bytes = _BYTES_A_PIXEL * self._design.problem.scene.pixel_count
+        pixels = self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
             Float64MultiArray,
             topics.ESTIMATE,
-            topics.stream_qos(topics.history_depth(estimate_bytes)),
+            topics.stream_qos(topics.history_depth(_BYTES_A_PIXEL * pixels)),
         )
         self._request_publisher = self.advertise(
             Empty, topics.KEYFRAME_REQUEST, topics.stream_qos()
         )
-        self.listen(PointCloud2, topics.EVENTS, self._take, topics.handshake_qos(scenario['mode']))
+        # Of all that is heard, events alone must not be lost while this process does not run.
+        depth = topics.history_depth(EVENT_DTYPE.itemsize * pixels)
+        events = topics.handshake_qos(scenario['mode'], depth)
+        self.listen(PointCloud2, topics.EVENTS, self._take, events)
         latched = topics.latched_qos(depth=1)
         self.listen(Image, topics.KEYFRAME, self._take_keyframe, latched)
         self.listen(JointState, topics.THRESHOLD, self._take_threshold, latched)

@@ -17,6 +17,8 @@ from dvs_closed_loop.sweep.table import ResultTable
 from dvs_interfaces.errors import ParameterError
 
 # Tasks handed out ahead of their results: enough to keep workers busy, few enough to stop soon.
+# A scheduler that is there answers within this time.
+_ANSWER_S = 10
 _AHEAD = 4
 
 
@@ -85,7 +87,7 @@ def _client(scheduler: str | None, workers: int | None, processes: bool) -> Iter
 
 def _remote_client(distributed: Any, scheduler: str) -> Any:
     try:
-        return distributed.Client(scheduler)
+        return distributed.Client(scheduler, timeout=_ANSWER_S)
     except (OSError, ValueError) as error:
         raise ParameterError('scheduler', scheduler, f'does not answer: {error}') from None
 
