@@ -38,7 +38,10 @@ def test_plotjuggler():
     names = [curve.get(key) for curve in root.iter('curve') for key in ('curve_x', 'curve_y')]
     names = [name for name in names if name]
     names += [c.get('name') for c in root.iter('curve') if c.get('curve_x') is None]
-    selected = {topic.get('name') for topic in root.iter('topic')}
+    # The plugin reads the topics from one attribute (parser_configuration.cpp).
+    selected = set(root.find('.//selected_topics').get('value').split(';'))
+    # Stamps of lockstep begin at 0 and estimates have none: the time of arrival serves all.
+    assert root.find('.//use_header_stamp').get('value') == 'false'
 
     assert len(names) >= 9
     assert selected <= set(BY_NAME)
@@ -69,6 +72,9 @@ def test_foxglove():
     for name, panel in panels.items():
         if name.startswith('Plot!'):
             paths += [entry['value'] for entry in panel['paths']]
+            # Stamps of lockstep are not the clock of the player.
+            assert {entry['timestampMethod'] for entry in panel['paths']} == {'receiveTime'}
+            assert panel['foxglovePanelTitle'] == panel['lichtblickPanelTitle']
             paths += [panel['xAxisPath']['value']] if 'xAxisPath' in panel else []
     assert len(paths) >= 9
     for path in paths:
