@@ -17,7 +17,7 @@ def stamps_s(messages, node):
 
 
 def test_clocks_of_nodes_are_simulated_and_the_loop_runs_to_its_end(domain, processes):
-    parameters = {'use_sim_time': True, 'duration': DURATION_S, 'real_time_factor': 0.8}
+    parameters = {'use_sim_time': True, 'duration': DURATION_S, 'real_time_factor': 0.4}
     for executable in NODES:
         processes.append(start(executable, domain, ros_arguments(parameters)))
     plant, *others = processes

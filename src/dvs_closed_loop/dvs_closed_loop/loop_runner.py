@@ -33,6 +33,7 @@ _QUIET_S = 0.3
 _REPAIR_S = 7.0
 _ASK_PERIOD_S = 0.5
 _TURN_S = 0.1
+_LOOK_AROUND_S = 1.0
 
 
 class LoopError(SuiteError):
@@ -90,6 +91,7 @@ class _RunningLoop:
 
     def start(self) -> None:
         """Start the nodes, and the plant when all have met."""
+        self._require_alone()
         for plan in self._plans:
             self._processes.append(NodeProcess(plan))
         client = self._node.create_client(ChangeState, 'plant_sim/change_state')
@@ -119,6 +121,19 @@ class _RunningLoop:
         self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()
+
+    def _require_alone(self) -> None:
+        """Refuse to start beside a loop whose plant would hear our requests, and ours its."""
+        client = self._node.create_client(ChangeState, 'plant_sim/change_state')
+        deadline = time.monotonic() + _LOOK_AROUND_S
+        while time.monotonic() < deadline and not self._stop.received:
+            if client.service_is_ready():
+                raise LoopError(
+                    'a plant_sim runs in this ROS domain already: give another ROS_DOMAIN_ID, or '
+                    'a --namespace'
+                )
+            self._executor.spin_once(timeout_sec=0.05)
+        self._node.destroy_client(client)
 
     def _meet_every_node(self) -> None:
         """Wait for an answer of every node: only one that has met us sends us its messages.

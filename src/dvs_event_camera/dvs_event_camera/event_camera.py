@@ -24,6 +24,8 @@ from dvs_interfaces.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.scenario import Scenario
 
+# Noise events between two frames; beyond, a clock has jumped and not a sensor slept.
+_MOST_NOISE = 1e7
 # Time that one packet covers, so that the INT32 nanoseconds before its stamp do not overflow.
 _PACKET_SPAN_NS = LONGEST_INTERVAL_NS
 
@@ -61,13 +63,20 @@ class EventCamera:
         darkest luminosity that its encoding can tell.
     backend
         `auto`, `numba` or `numpy`.
+    noise_rate
+        Noise events of a pixel, 1/s: a frame may not come so late that they are millions.
     """
 
     def __init__(
-        self, make_pixels: Callable[[FloatArray, float], PixelArray], *, backend: str = 'auto'
+        self,
+        make_pixels: Callable[[FloatArray, float], PixelArray],
+        *,
+        backend: str = 'auto',
+        noise_rate: float = 0.0,
     ) -> None:
         self._make_pixels = make_pixels
         self._backend = backend
+        self._noise_rate = noise_rate
         self._pixels: PixelArray | None = None
         self._shape: tuple[int, int] = (0, 0)
         self._index = 0
@@ -90,7 +99,9 @@ class EventCamera:
             If parameters do not fit together.
         """
         camera = cls(
-            functools.partial(pixels_of_scenario, scenario, backend=backend), backend=backend
+            functools.partial(pixels_of_scenario, scenario, backend=backend),
+            backend=backend,
+            noise_rate=scenario['leak_rate'] + scenario['shot_noise_rate'],
         )
         pixels_of_scenario(scenario, np.ones(1), 0.0, backend, bounds=False)
         return camera
@@ -190,6 +201,10 @@ class EventCamera:
             return (
                 f'the stamps go back from {last_ns * 1e-9:.9f} s to {frame.stamp_ns * 1e-9:.9f} s'
             )
+        seconds = 0.0 if last_ns is None else (frame.stamp_ns - last_ns) * 1e-9
+        noise = self._noise_rate * frame.pixels.size * seconds
+        if noise > _MOST_NOISE:
+            return f'the stamps jump by {seconds:.6g} s, which {noise:.3g} noise events would fill'
         return ''
 
     def _packets(self, stamp_ns: int, events: PixelEvents) -> tuple[EventPacket, ...]:

@@ -18,6 +18,8 @@ from dvs_interfaces.stamped import Memo, stamp_of
 _LUMA = {'r': 0.299, 'g': 0.587, 'b': 0.114, 'a': 0.0}
 # An integer says no more than "less than half a grey level" where it says 0.
 _DARKEST_INTEGER = 0.5
+# Coordinates of an event are 16 bits wide.
+_LARGEST_SIDE = 65536
 _SCALARS = {
     '64FC1': 'f8',
     '32FC1': 'f4',
@@ -112,6 +114,10 @@ def _reading_of(head: ImageHead) -> _Reading:
     if scalar is None and not channels:
         raise MessageError(
             f'encoding {form.encoding!r} of the luminosity is not one of {", ".join(ENCODINGS)}'
+        )
+    if max(form.height, form.width) > _LARGEST_SIDE:
+        raise MessageError(
+            f'{form.height} x {form.width} pixels: an event knows {_LARGEST_SIDE} rows and columns'
         )
     order = '>' if form.big_endian else '<'
     dtype = np.dtype('u1' if scalar is None else order + scalar)

@@ -157,6 +157,8 @@ def publish_frames(
         while pause > 0 and not stop.received:
             time.sleep(min(pause, 0.1))
             pause = start_s + number / options.rate - time.monotonic()
+        if stop.received:
+            return
         pixels, encoding = encoded(frame, options.encoding)
         publisher.publish(pack_image(start_ns + number * period_ns, pixels, encoding))
 

@@ -56,6 +56,8 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
     phase.set(xlabel='frequency [rad/s]', ylabel='phase of T [degrees]')
     for axes in (magnitude, phase):
         axes.grid(alpha=0.3, which='both')
+    if Path(path).is_dir():
+        raise ParameterError('figure', path, 'is a folder')
     try:
         figure.savefig(path, dpi=120)
     except (OSError, ValueError) as error:

@@ -32,6 +32,7 @@ from dvs_hinf_controller.thresholds import (
     published_uncertainty,
     small_gain_holds,
 )
+from dvs_interfaces.errors import ParameterError
 from dvs_interfaces.scenario import Scenario
 
 
@@ -173,10 +174,17 @@ def design_from_scenario(scenario: Scenario) -> Design:
     """
     problem = DesignProblem.from_scenario(scenario)
     if scenario['method'] == 'file':
+        if not scenario['design_file']:
+            raise ParameterError('design_file', '', 'must be given with method: file')
         return load_design(scenario['design_file'], problem)
-    return design_controller(
-        problem, method=scenario['method'], options=DesignOptions.from_scenario(scenario)
-    )
+    try:
+        return design_controller(
+            problem, method=scenario['method'], options=DesignOptions.from_scenario(scenario)
+        )
+    except np.linalg.LinAlgError as error:
+        raise SynthesisError(
+            Assumption.RANK, f'{error}; does every input act, and are the numbers in proportion?'
+        ) from None
 
 
 def load_design(path: str | Path, problem: DesignProblem) -> Design:

@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_hinf_controller.sector import sector
+from dvs_interfaces.cdr import MessageError
 from dvs_interfaces.keyframe import Keyframe
 from dvs_interfaces.model import FloatArray
 from dvs_interfaces.reference_bounds import ReferenceBounds, threshold_step
+
+# Beyond this a luminosity and what K makes of it are no longer numbers.
+_LARGEST_LOGARITHM = 300.0
 
 
 class Estimator:
@@ -42,12 +46,11 @@ class Estimator:
         bounds = ReferenceBounds(
             lower=self._first_bounds.lower * growth, upper=self._first_bounds.upper * growth
         )
-        self._moved = moved
-        self.event_threshold = event_threshold
-        self._log_step = threshold_step(event_threshold, self._log_base)
+        log_step = threshold_step(event_threshold, self._log_base)
         self._initial = sector(
             bounds, event_threshold=event_threshold, log_base=self._log_base
         ).initial_estimate
+        self._moved, self.event_threshold, self._log_step = moved, event_threshold, log_step
 
     def change_threshold(self, event_threshold: float) -> None:
         """Go on with another threshold: the references stay, counting starts again at zero.
@@ -72,9 +75,15 @@ class Estimator:
         ----------
         keyframe
             State of the sensor at this instant and this threshold.
+
+        Raises
+        ------
+        MessageError
+            If an estimate would leave the range of numbers; nothing has changed then.
         """
         counts, signs, moved = keyframe.counts, keyframe.signs, keyframe.moved
         is_wrong = (counts != self.counts) | (signs != self.signs) | (moved != self._moved)
+        _require_finite(counts * self._log_step + moved * math.log(self._log_base))
         if not np.array_equal(moved, self._moved):
             self._start_epoch(moved, self.event_threshold)
         wrong = np.flatnonzero(is_wrong)
@@ -98,6 +107,11 @@ class Estimator:
             +1 or -1, shape (E,).
         signs
             Sign of the reference after the event, shape (E,).
+
+        Raises
+        ------
+        MessageError
+            If an estimate would leave the range of numbers; nothing has changed then.
         """
         order = np.argsort(pixels, kind='stable')
         pixel, sign = pixels[order], signs[order]
@@ -107,7 +121,9 @@ class Estimator:
         group = np.cumsum(is_first) - 1
         before_group = np.concatenate(([0], running))[np.flatnonzero(is_first)]
         counts = self.counts[pixel] + running - before_group[group]
-        after = sign * self._initial[pixel] * np.exp(counts * self._log_step)
+        logarithm = counts * self._log_step
+        _require_finite(logarithm)
+        after = sign * self._initial[pixel] * np.exp(logarithm)
         before = np.empty_like(after)
         before[1:] = after[:-1]
         before[is_first] = self.estimate[pixel[is_first]]
@@ -119,3 +135,12 @@ class Estimator:
         jumps: FloatArray = np.empty_like(after)
         jumps[order] = (after - before) / self.estimate.size
         return jumps
+
+
+def _require_finite(logarithm: FloatArray) -> None:
+    """Refuse counts that no luminosity explains: noise, or another camera's."""
+    largest = float(np.max(np.abs(logarithm), initial=0.0))
+    if not largest < _LARGEST_LOGARITHM:
+        raise MessageError(
+            f'a reference would be e^{largest:.6g} times what it was at first: no light does that'
+        )

@@ -229,7 +229,8 @@ class EventController:
         ------
         MessageError
             If an event lies outside of the pixel array or after the packet's stamp, events are not
-            in order, or a polarity or sign is not +1 or -1; nothing has changed then.
+            in order, or a polarity or sign is not +1 or -1; nothing has changed then. If the
+            events lead out of the range of numbers; only a keyframe makes the counts right then.
         """
         events = packet.events
         if len(events):
@@ -274,7 +275,11 @@ class EventController:
         pixels = events['y'].astype(np.intp) * self._problem.scene.width + events['x']
         polarities, signs = events['polarity'], events['sign']
         lost = self._synchroniser.note(packet.stamp_ns, events['index'], pixels, polarities, signs)
-        jumps = self._estimator.apply(pixels, polarities, signs)
+        try:
+            jumps = self._estimator.apply(pixels, polarities, signs)
+        except MessageError:
+            self._synchroniser.give_up()
+            raise
         ages_ns = np.minimum(-events['t'].astype(np.int64), self._duration_ns)
         responses = self._response.response(ages_ns * _NANOSECOND_S)
         self._state = self._held(self._duration_ns) + jumps @ responses

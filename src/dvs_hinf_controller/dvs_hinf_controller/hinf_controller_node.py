@@ -32,6 +32,8 @@ from dvs_interfaces.spin import run_nodes
 
 _ASK_AGAIN_S = 0.5
 _STALE_S = 2.0
+# Of light that grows from one event to the next by more than e^100 there is none.
+_LARGEST_THRESHOLD = 100.0
 # Of an estimate.
 _BYTES_A_PIXEL = 8
 
@@ -152,8 +154,11 @@ class HinfControllerNode(ManagedNode):
 
     def _take_threshold(self, message: bytes) -> None:
         announcement = parse_command(message)
-        if announcement.values.size != 1 or not announcement.values[0] > 0:
-            raise MessageError(f'threshold {announcement.values.tolist()} is not one number > 0')
+        if announcement.values.size != 1 or not 0 < announcement.values[0] < _LARGEST_THRESHOLD:
+            raise MessageError(
+                f'threshold {announcement.values.tolist()} is not one number > 0 and < '
+                f'{_LARGEST_THRESHOLD:g}'
+            )
         event_threshold = float(announcement.values[0])
         running = self._controller.event_threshold
         if self._controller.announce_threshold(announcement.stamp_ns, event_threshold):

@@ -77,7 +77,7 @@ def parse_keyframe(message: bytes) -> Keyframe:
     ------
     MessageError
         If the encoding is none of `32SC1`, `32SC2` and `64FC3`, or the rows are not packed, or the
-        message is cut short.
+        message is cut short, or counts are not whole, signs not +1 or -1 or references not finite.
     """
     frame = parse_image(message)
     form = frame.format
@@ -89,6 +89,9 @@ def parse_keyframe(message: bytes) -> Keyframe:
             f'{form.encoding}'
         )
     pixels = np.frombuffer(frame.data, dtype=kind).reshape(-1, channels)
+    whole = np.all(np.isfinite(pixels)) and np.all(np.rint(pixels[:, :2]) == pixels[:, :2])
+    if not whole or (channels > 1 and np.any(np.abs(pixels[:, 1]) != 1)):
+        raise MessageError('keyframe must hold whole counts, signs +1 or -1 and finite references')
     return Keyframe(
         stamp_ns=frame.stamp_ns,
         counts=pixels[:, 0].astype(np.int64),

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -79,6 +80,7 @@ class ManagedNode(LifecycleNode):
         self._specs = [*SCHEMA.of_node(executable), *(own_parameters or ())]
         # Timers follow the wall clock, even where use_sim_time ties the node's clock to /clock.
         self._wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._guard_transitions()
         self._foreign = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._make_change)
@@ -318,6 +320,8 @@ class ManagedNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Leave `state`: close the valves."""
         self._stop_acting()
+        # What comes while the node is inactive is not heard: new subscriptions get it again.
+        self._configured = None
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -330,6 +334,24 @@ class ManagedNode(LifecycleNode):
         self._stop_acting()
         self._destroy_entities()
         return super().on_shutdown(state)
+
+    def _guard_transitions(self) -> None:
+        """Answer a request for a transition that is not possible; rclpy raises an error."""
+        for service in self.services:
+            if service.srv_type is ChangeState:
+                service.callback = self._guarded_transition(service.callback)
+
+    def _guarded_transition(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return answer(request, response)
+            except RuntimeError as error:
+                asked = request.transition.label or request.transition.id
+                self.get_logger().error(f'transition {asked} refused: {error}')
+                response.success = False
+                return response
+
+        return guarded
 
     def _keep_up(self) -> None:
         scenario = self.scenario()

@@ -22,6 +22,10 @@ _LOOP = frozenset({PLANT, CONTROLLER})
 _PIXELS = frozenset({CAMERA, CONTROLLER})
 _ALL = frozenset({PLANT, CAMERA, CONTROLLER})
 
+# Nobody means more, and stamps and arrays have an end.
+_SECONDS = Interval(low=0, high=1e6)
+_NOISE_RATE = Interval(low=0, high=1e6)
+
 _MODEL = (
     ParameterSpec(
         name='state_matrix',
@@ -223,7 +227,7 @@ _RUN = (
         default=6.0,
         unit='s',
         nodes=_PLANT,
-        interval=NON_NEGATIVE,
+        interval=Interval(low=0, high=2**31 - 1),
         description='Length of the run in simulated time; 0: for ever',
     ),
     ParameterSpec(
@@ -401,7 +405,7 @@ _CAMERA_EXTRAS = (
         default=0.0,
         unit='s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_SECONDS,
         description='Time after an event in which a pixel is silent; its reference waits, so that '
         'no polarity is lost',
     ),
@@ -411,7 +415,7 @@ _CAMERA_EXTRAS = (
         default=0.0,
         unit='1/s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_NOISE_RATE,
         description='ON events of a pixel in constant light',
     ),
     ParameterSpec(
@@ -420,7 +424,7 @@ _CAMERA_EXTRAS = (
         default=0.0,
         unit='1/s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_NOISE_RATE,
         description='Spurious events of a pixel, ON and OFF alike; its reference moves with them',
     ),
     ParameterSpec(
@@ -456,7 +460,7 @@ _CAMERA_EXTRAS = (
         default=100.0,
         unit='1/s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_NOISE_RATE,
         description='ON events of a hot pixel',
     ),
     ParameterSpec(
@@ -473,7 +477,7 @@ _CAMERA_EXTRAS = (
         default=0.0,
         unit='s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_SECONDS,
         description='Delay from a crossing to the stamp of its event',
     ),
     ParameterSpec(
@@ -482,7 +486,7 @@ _CAMERA_EXTRAS = (
         default=0.0,
         unit='s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_SECONDS,
         description='Standard deviation of the delay; a delay is never negative',
     ),
     ParameterSpec(
@@ -499,7 +503,7 @@ _CAMERA_EXTRAS = (
         default=1.0,
         unit='s',
         nodes=_CAMERA,
-        interval=NON_NEGATIVE,
+        interval=_SECONDS,
         description='Time of the samples between two keyframes, the sums of polarities of all '
         'pixels; 0: only at a start',
     ),
@@ -509,7 +513,7 @@ _CAMERA_EXTRAS = (
         default=25.0,
         unit='Hz',
         nodes=_CAMERA,
-        interval=POSITIVE,
+        interval=Interval(low=1e-3, high=1e6),
         dynamic=True,
         description='Rate of event_image in the time of the samples, while somebody looks',
     ),

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _RESEND_S = 0.5
 # Turns after which, again and again, the missing partner is named.
 _PATIENCE_TURNS = 4
+# However small the real_time_factor: a timer can't be set to any time.
+_LONGEST_PAUSE_S = 3600.0
 
 
 class LockstepDriver:
@@ -73,7 +75,7 @@ class LockstepDriver:
         self._node.plant.advance(self._period_ns, command.values)
         delay_s = self._pace.delay_s(self._handshake.next(), time.monotonic())
         if delay_s:
-            self._due.timer_period_ns = int(delay_s * 1e9)
+            self._due.timer_period_ns = int(min(delay_s, _LONGEST_PAUSE_S) * 1e9)
             self._due.reset()
         else:
             self._publish()
@@ -97,6 +99,8 @@ class LockstepDriver:
         """
         self._scenario = scenario
         self._pace.change(scenario['real_time_factor'])
+        if not self._due.is_canceled():
+            self._publish_due()
 
     def troubles(self) -> list[Trouble]:
         """What is wrong with the handshake: nothing that the age of the command does not say."""

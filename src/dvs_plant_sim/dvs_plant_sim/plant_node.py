@@ -143,6 +143,9 @@ class PlantNode(ManagedNode):
             Time of the sample, ns.
         """
         luminosity = self.luminosity(self.plant.state)
+        if not np.isfinite(luminosity).all():
+            self.finish(_FAILURE, f'the state has left the range of numbers: {self.plant.state}')
+            return
         if self._scenario['photoreceptor'] == 'log' and luminosity.min() <= 0:
             luminosity = self._nonphysical(stamp_ns, luminosity)
             if self.exit_code is not None:

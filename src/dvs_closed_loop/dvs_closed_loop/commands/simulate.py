@@ -16,6 +16,8 @@ from dvs_closed_loop.exact.run_figure import run_figure
 from dvs_closed_loop.exact.signals import sector_ratios
 from dvs_closed_loop.output_folder import output_folder
 from dvs_hinf_controller.design import Design, design_from_scenario
+from dvs_interfaces.errors import ParameterError
+from dvs_interfaces.parameters import SCHEMA
 from dvs_interfaces.scenario import Scenario, load_scenario
 
 # Samples of y and z that the sector is checked on; more pixels have fewer samples.
@@ -50,6 +52,11 @@ def run(options: argparse.Namespace) -> int:
     ----------
     options
         Parsed arguments.
+
+    Raises
+    ------
+    SuiteError
+        If the scenario is not sound, or has a plant of its own.
     """
     scenario = load_scenario(options.params_file)
     changes = {
@@ -58,6 +65,12 @@ def run(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None
     }
     scenario = scenario.replace(**changes)
+    if scenario['plant_executable'] != SCHEMA['plant_executable'].default:
+        raise ParameterError(
+            'plant_executable',
+            scenario['plant_executable'],
+            'is not the linear plant, which alone is simulated here',
+        )
     name = options.params_file.stem
     kind = 'sampled' if options.sampled else 'exact'
     output = output_folder(options.output or Path('out') / f'{name}-{kind}')
