@@ -1,8 +1,11 @@
 import json
+from pathlib import Path
 
 import pytest
 
 from dvs_closed_loop.cli import main
+
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
 
 SCENARIO = """
 /**:
@@ -56,3 +59,8 @@ def test_bad_values_are_named(tmp_path, capsys, option):
     code, _ = simulate(tmp_path, option, '-1')
     assert code != 0
     assert option[2:].replace('-', '_') in capsys.readouterr().err
+
+
+def test_a_plant_of_its_own_is_not_simulated(capsys):
+    assert main(['simulate', '--params-file', str(CONFIG / 'pendulum.yaml')]) == 2
+    assert 'plant_executable = dvs_plant_sim/pendulum_sim: is not' in capsys.readouterr().err

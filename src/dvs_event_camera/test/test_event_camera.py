@@ -218,3 +218,17 @@ def test_packet_is_the_point_cloud_that_others_read():
         offsets = {field.name: field.offset for field in cloud.fields}
         assert offsets == {n: f[1] for n, f in packet.events.dtype.fields.items()}
         assert parse_events(pack_events(packet)).stamp_ns == stamp
+
+
+@pytest.mark.parametrize('noise', ['leak_rate', 'shot_noise_rate'])
+def test_a_clock_that_jumps_by_a_year_does_not_fill_the_memory_with_noise(noise):
+    year_ns = 365 * 86_400 * 1000 * MS
+    camera = camera_with(**{noise: 1.0})
+    camera.take(frame(0, [1.0, 1.0]))
+    camera.take(frame(MS, [1.0, 1.0]))
+
+    exposure = camera.take(frame(MS + year_ns, [1.0, 1.0]))
+
+    assert exposure.started
+    assert 'the stamps jump by 3.1536e+07 s' in exposure.restart_reason
+    assert len(exposure.events) == 0

@@ -86,3 +86,9 @@ def test_compressed_image():
 def test_compressed_image_that_is_none():
     with pytest.raises(MessageError, match='compressed image of 4 bytes'):
         decode_picture(b'nope')
+
+
+@pytest.mark.parametrize('shape', [(1, 65_537), (65_537, 1)])
+def test_more_columns_than_an_event_can_name_are_refused(shape):
+    with pytest.raises(MessageError, match='an event knows 65536 rows and columns'):
+        parse_luminosity(pack_image(0, np.ones(shape, np.uint8), 'mono8'))

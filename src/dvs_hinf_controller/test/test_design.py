@@ -3,6 +3,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -369,3 +370,38 @@ def test_a_megapixel_changes_no_norm() -> None:
     few = design_from_scenario(scenario).figures
     assert many.pixels == 921600
     assert many.gamma == pytest.approx(few.gamma)
+
+
+@pytest.mark.parametrize(
+    ('values', 'message', 'code'),
+    [
+        ({'method': 'file'}, 'design_file = : must be given with method: file', 2),
+        ({'state_matrix': [-1.0], 'input_matrix': [0.0]}, 'does every input act', 1),
+    ],
+)
+def test_what_can_not_be_designed_is_one_line(
+    values: dict[str, Any], message: str, code: int, tmp_path: Path, capsys: Any
+) -> None:
+    plain = {
+        'state_matrix': [1.5],
+        'input_matrix': [1.0],
+        'output_vector': [1.0],
+        'pixel_offsets': [1.0],
+        'pixel_grid': [1, 1],
+        'initial_state': [0.3],
+        'set_point': [0.0],
+        'tolerance': 0.1,
+    }
+    file = tmp_path / 'scenario.yaml'
+    file.write_text(json.dumps({'/**': {'ros__parameters': {**plain, **values}}}))
+
+    assert main(['--params-file', str(file)]) == code
+
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count('\n') == 1
+
+
+def test_a_figure_is_no_folder(params_file: Path, tmp_path: Path, capsys: Any) -> None:
+    assert main(['--params-file', str(params_file), '--figure', str(tmp_path)]) == 2
+    assert f'figure = {tmp_path}: is a folder' in capsys.readouterr().err

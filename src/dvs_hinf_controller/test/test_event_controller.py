@@ -589,3 +589,29 @@ def test_looking_ahead_changes_no_bit(sequence):
         assert ahead.estimate.tobytes() == plain.estimate.tobytes()
         ahead.look_ahead()
         index += len(rows)
+
+
+def test_counts_that_no_light_explains_are_refused_and_not_trusted():
+    controller = running()
+    controller.take(packet(0))
+    before = controller.estimate.copy()
+
+    with pytest.raises(MessageError, match='no light does that'):
+        controller.take(packet(MS, [(k - 5000, 0, 1, 1) for k in range(5000)]))
+
+    assert np.array_equal(controller.estimate, before)
+    assert np.isfinite(controller.command).all()
+    assert controller.synchrony is Synchrony.LOST
+
+
+@pytest.mark.parametrize('numbers', [{'counts': [2**31] * PIXELS}, {'moved': 5000.0}])
+def test_a_keyframe_beyond_all_numbers_changes_nothing(numbers):
+    controller = running()
+    controller.take(packet(0))
+    before = controller.estimate.copy()
+
+    with pytest.raises(MessageError, match='no light does that'):
+        controller.take_keyframe(keyframe(0, **{'counts': [0] * PIXELS, **numbers}))
+
+    assert np.array_equal(controller.estimate, before)
+    assert np.isfinite(controller.command).all()
