@@ -20,6 +20,7 @@ from dvs_hinf_controller.design import (
 from dvs_hinf_controller.design_report import report_text
 from dvs_hinf_controller.methods import METHODS
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.start_up import darkness_warnings
 from dvs_interfaces.errors import ParameterError, SuiteError
 from dvs_interfaces.scenario import Scenario, load_scenario
 
@@ -113,6 +114,8 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> N
     if problem.equilibrium.residual > 0:
         point = ', '.join(f'{value:.6g}' for value in problem.equilibrium.state)
         print(f'\nset-point used: [{point}], the nearest that the plant can hold')
+    for warning in darkness_warnings(problem, scenario['photoreceptor']):
+        print(f'warning: {warning}', file=sys.stderr)
     for design in designs:
         if scenario['sampling_period'] > design.figures.max_sampling_period:
             print(

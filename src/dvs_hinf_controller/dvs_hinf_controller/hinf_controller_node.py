@@ -11,7 +11,7 @@ from std_msgs.msg import Empty, Float64MultiArray
 
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.event_controller import EventController, PacketReport
-from dvs_hinf_controller.start_up import start_up_report
+from dvs_hinf_controller.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.synchroniser import Synchrony
 from dvs_interfaces import topics
 from dvs_interfaces.cdr import MessageError
@@ -91,7 +91,8 @@ class HinfControllerNode(ManagedNode):
             sampling_period=self._scenario['sampling_period'],
         )
         self.get_logger().info(report.text)
-        for warning in report.warnings:
+        darkness = darkness_warnings(self._design.problem, self._scenario['photoreceptor'])
+        for warning in (*report.warnings, *darkness):
             self.get_logger().warning(warning)
 
     def activate(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_hinf_controller.design import Design
+from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sector import sector
 
 
@@ -76,3 +77,23 @@ def start_up_report(
             's, the longest at which the sampled loop is stable with margin; see bandwidth_limit'
         )
     return StartUpReport(text='\n'.join(lines), warnings=tuple(warnings))
+
+
+def darkness_warnings(problem: DesignProblem, photoreceptor: str) -> tuple[str, ...]:
+    """What is to be said where a pixel has no logarithm of its luminosity at the set-point.
+
+    Parameters
+    ----------
+    problem
+        Plant, set-point and pixels.
+    photoreceptor
+        ``signed_log`` sees luminosity of either sign, no real pixel does.
+    """
+    luminosity = problem.set_point_luminosity
+    pixel = int(luminosity.argmin())
+    if photoreceptor == 'signed_log' or luminosity[pixel] > 0:
+        return ()
+    return (
+        f'pixel {pixel} has the luminosity {luminosity[pixel]:.6g} <= 0 at the set-point, which a '
+        f'pixel with photoreceptor = {photoreceptor} does not see: no threshold is a promise',
+    )

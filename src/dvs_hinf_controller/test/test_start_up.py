@@ -5,7 +5,8 @@ import dataclasses
 import pytest
 
 from dvs_hinf_controller.design import design_from_scenario
-from dvs_hinf_controller.start_up import start_up_report
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.start_up import darkness_warnings, start_up_report
 from dvs_interfaces.scenario import Scenario
 
 
@@ -72,3 +73,14 @@ def test_the_small_gain_condition_is_answered(design, holds, word):
     found = rows(report(design, small_gain_ok=holds).text)
 
     assert found['small gain, delta* ||Gw1||_inf < 1'] == word
+
+
+def test_a_dark_set_point_is_no_place_for_a_promise():
+    dark = Scenario.from_values({'set_point': [0.0, 0.0]})
+    problem = DesignProblem.from_scenario(dark)
+
+    (warning,) = darkness_warnings(problem, 'log')
+
+    assert warning.startswith('pixel 2 has the luminosity -0.008')
+    assert darkness_warnings(problem, 'signed_log') == ()
+    assert darkness_warnings(DesignProblem.from_scenario(Scenario.from_values({})), 'log') == ()
