@@ -48,9 +48,12 @@ class PacketBridgeNode(Node):
             self.get_logger().error(f'message refused: {error}', throttle_duration_sec=5.0)
             return
         if self._next_sequence is not None and sequence != self._next_sequence:
-            missing = (sequence - self._next_sequence) % 2**64
+            missing = sequence - self._next_sequence
             self.get_logger().warning(
-                f'{missing} packets lost before number {sequence}', throttle_duration_sec=5.0
+                f'{missing} packets lost before number {sequence}'
+                if missing > 0
+                else f'packet numbers go back to {sequence}: the driver started again',
+                throttle_duration_sec=5.0,
             )
             self._index = (self._index + 1) % INDEX_MODULUS
             packet, _ = parse_event_packet(message, first_index=self._index)

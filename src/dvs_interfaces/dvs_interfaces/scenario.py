@@ -236,7 +236,16 @@ class Scenario:
 
 
 class _RosLoader(yaml.SafeLoader):
-    """YAML as ROS reads it: 1e-3 is a number, for YAML 1.1 it is a string."""
+    """YAML as ROS reads it: 1e-3 is a number, for YAML 1.1 it is a string; no name twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Mapping of a node; of two values for a name only one could hold."""
+        names = [key.value for key, _ in node.value]
+        for name in names:
+            if names.count(name) > 1:
+                raise yaml.constructor.ConstructorError(None, None, f'{name} is given twice')
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
 
 
 _RosLoader.add_implicit_resolver(

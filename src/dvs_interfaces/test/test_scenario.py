@@ -54,6 +54,7 @@ def test_every_scenario_in_config_is_sound(path):
     ('text', 'reason'),
     [
         ('{', 'is not YAML'),
+        (parameters('tolerance: 0.05', 'tolerance: 0.1'), 'tolerance is given twice'),
         ('a: \x00', 'is not YAML'),
         (parameters('duration: 2001-99-99'), 'is not YAML'),
         ('', 'must be a mapping'),
