@@ -5,10 +5,9 @@ import subprocess
 import pytest
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from loop_support import CONFIG, environment, operating, program, ros_arguments, start, stop
+from loop_support import CONFIG, environment, operating, program, start, stop
 from sensor_msgs.msg import JointState
-
-NODES = ('plant_sim', 'event_camera', 'hinf_controller')
+from test_changing_parameters import NODES, start_loop
 
 
 @pytest.mark.parametrize('node', NODES)
@@ -30,8 +29,7 @@ def test_an_impossible_transition_is_answered_and_survived(node, domain, process
 
 
 def test_a_controller_that_rests_in_the_midst_goes_on(domain, processes):
-    for executable in NODES:
-        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+    start_loop(domain, processes)
     with operating(domain) as operator:
         states = operator.hear(JointState, 'state', 100)
         assert operator.spin_until(lambda: len(states) > 300, timeout_s=60)
@@ -43,8 +41,7 @@ def test_a_controller_that_rests_in_the_midst_goes_on(domain, processes):
 
 
 def test_a_tiny_pace_can_be_taken_back(domain, processes):
-    for executable in NODES:
-        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+    start_loop(domain, processes)
     with operating(domain) as operator:
         states = operator.hear(JointState, 'state', 100)
         assert operator.spin_until(lambda: len(states) > 100, timeout_s=60)

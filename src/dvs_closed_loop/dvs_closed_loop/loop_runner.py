@@ -34,6 +34,9 @@ _REPAIR_S = 7.0
 _ASK_PERIOD_S = 0.5
 _TURN_S = 0.1
 _LOOK_AROUND_S = 1.0
+_COMPANY = (
+    'a plant_sim runs in this ROS domain already: give another ROS_DOMAIN_ID, or a --namespace'
+)
 
 
 class LoopError(SuiteError):
@@ -128,10 +131,7 @@ class _RunningLoop:
         deadline = time.monotonic() + _LOOK_AROUND_S
         while time.monotonic() < deadline and not self._stop.received:
             if client.service_is_ready():
-                raise LoopError(
-                    'a plant_sim runs in this ROS domain already: give another ROS_DOMAIN_ID, or '
-                    'a --namespace'
-                )
+                raise LoopError(_COMPANY)
             self._executor.spin_once(timeout_sec=0.05)
         self._node.destroy_client(client)
 
@@ -151,7 +151,8 @@ class _RunningLoop:
         future = client.call_async(request)
         self._wait(future.done, 'plant_sim to change its state')
         if future.done() and not future.result().success:
-            raise LoopError('plant_sim refused to start; its message is above')
+            # On a busy machine we may meet another loop's plant only now.
+            raise LoopError(f'plant_sim refused to start; its message is above, unless {_COMPANY}')
 
     def _wait(self, condition: Callable[[], bool], awaited: str) -> None:
         deadline = time.monotonic() + _START_TIMEOUT_S

@@ -18,10 +18,12 @@ def output_folder(path: Path) -> Path:
     Raises
     ------
     ParameterError
-        If it can't be made.
+        If it is no folder or can't be made.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise ParameterError('output', path, 'is not a folder') from None
     except OSError as error:
         raise ParameterError('output', path, f"can't be made: {error.strerror}") from None
     return path

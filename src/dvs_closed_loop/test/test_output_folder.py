@@ -34,6 +34,15 @@ def test_a_file_in_the_way_is_named(command, tmp_path, capsys):
     assert error.count('\n') == 1
 
 
+def test_a_file_is_no_folder(tmp_path, capsys):
+    output = tmp_path / 'file'
+    output.write_text('')
+
+    assert main(['reproduce_paper', '--output', str(output)]) == 2
+
+    assert f'output = {output}: is not a folder' in capsys.readouterr().err
+
+
 def test_a_full_disk_is_no_traceback(tmp_path, capsys, monkeypatch):
     def full(*arguments, **options):
         raise OSError(28, 'No space left on device', 'result.json')

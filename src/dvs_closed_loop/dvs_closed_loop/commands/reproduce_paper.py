@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from dvs_closed_loop.paper.reproduce import reproduce_paper
-from dvs_interfaces.errors import ParameterError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,10 +31,8 @@ def run(options: argparse.Namespace) -> int:
     Raises
     ------
     ParameterError
-        If the output is not a folder.
+        If the output can't be a folder.
     """
-    if options.output.exists() and not options.output.is_dir():
-        raise ParameterError('output', options.output, 'is not a folder')
     rows = reproduce_paper(options.output, progress=not options.no_progress)
     print(f'{"quantity":46} {"method":12}  r  reference     ours  deviation')
     for row in rows:
