@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.events import pack_events
+from dvs_common.wire.messages import pack_image
 from dvs_event_camera.event_camera import EventCamera
-from dvs_event_camera.image_source import parse_luminosity
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_interfaces.events import pack_events
-from dvs_interfaces.messages import pack_image
-from dvs_interfaces.scenario import Scenario
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.streams.image_source import parse_luminosity
 
 THRESHOLD = 0.15
 PERIOD_NS = 1_000_000

@@ -11,18 +11,18 @@ from pathlib import Path
 from typing import Any
 
 root = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_interfaces', 'dvs_hinf_controller')]
+sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_controller')]
 
 import numpy as np  # noqa: E402
 
-from dvs_hinf_controller.design import design_controller  # noqa: E402
-from dvs_hinf_controller.methods import METHODS  # noqa: E402
-from dvs_hinf_controller.mu import mu_bounds  # noqa: E402
-from dvs_hinf_controller.options import DesignOptions  # noqa: E402
+from dvs_common.scenario.model import PixelScene, PlantModel, ReferenceBounds  # noqa: E402
+from dvs_hinf_controller.analysis.mu import mu_bounds  # noqa: E402
+from dvs_hinf_controller.design.design import design_controller  # noqa: E402
 from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
-from dvs_hinf_controller.reduced import reduced_plant  # noqa: E402
 from dvs_hinf_controller.state_space import StateSpace, state_response  # noqa: E402
-from dvs_interfaces.model import PixelScene, PlantModel, ReferenceBounds  # noqa: E402
+from dvs_hinf_controller.synthesis.methods import METHODS  # noqa: E402
+from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant  # noqa: E402
+from dvs_hinf_controller.synthesis.options import DesignOptions  # noqa: E402
 
 REPEATS = 7
 # dkpy does not limit the bandwidth of what it returns: compare mu at a small slack.

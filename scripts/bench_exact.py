@@ -22,12 +22,12 @@ import numpy as np
 import scipy
 from scipy.integrate import solve_ivp
 
-from dvs_closed_loop.exact import ClosedLoop, simulate
-from dvs_closed_loop.exact.modes import _cached_form
-from dvs_closed_loop.paper.published import PIXEL_OFFSETS, scenario
-from dvs_closed_loop.sweep.random_loops import lqg_controller
-from dvs_interfaces.model import PixelScene
-from dvs_interfaces.reference_bounds import ReferenceBounds
+from dvs_common.scenario.model import PixelScene
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_simulation.exact import ClosedLoop, simulate
+from dvs_simulation.exact.modes import _cached_form
+from dvs_simulation.paper.published import PIXEL_OFFSETS, scenario
+from dvs_simulation.sweep.random_loops import lqg_controller
 
 _THRESHOLD = 0.05
 _RTOL = 1e-9

@@ -9,12 +9,12 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from dvs_event_camera.imperfections import Imperfections
-from dvs_event_camera.photoreceptor import SignedLogPhotoreceptor
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.pixel_events import PixelEvents
-from dvs_event_camera.renderer import PALETTES, EventRenderer
-from dvs_event_camera.scenes import SCENES, Scene
+from dvs_event_camera.pixels.imperfections import Imperfections
+from dvs_event_camera.pixels.photoreceptor import SignedLogPhotoreceptor
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.streams.renderer import PALETTES, EventRenderer
+from dvs_event_camera.tools.scenes import SCENES, Scene
 
 mpl.use('Agg')
 import matplotlib.pyplot as plt

@@ -8,15 +8,15 @@ import sys
 from pathlib import Path
 
 root = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_interfaces', 'dvs_hinf_controller')]
+sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_controller')]
 
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from dvs_hinf_controller.design import DesignFigures, design_controller  # noqa: E402
-from dvs_hinf_controller.options import DesignOptions  # noqa: E402
+from dvs_common.scenario.scenario import load_scenario  # noqa: E402
+from dvs_hinf_controller.design.design import DesignFigures, design_controller  # noqa: E402
 from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
-from dvs_interfaces.scenario import load_scenario  # noqa: E402
+from dvs_hinf_controller.synthesis.options import DesignOptions  # noqa: E402
 
 LIMITS = np.geomspace(20, 500, 10)
 COLOURS = {'unstructured': '#0072B2', 'structured': '#D55E00', 'certified': '#009E73'}

@@ -20,7 +20,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from sensor_msgs.msg import JointState, PointCloud2
 
-from dvs_interfaces import topics
+from dvs_common.wire import topics
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / 'config'

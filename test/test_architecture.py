@@ -8,23 +8,30 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MIDDLE = ('dvs_plant_sim', 'dvs_event_camera', 'dvs_hinf_controller')
 BELOW = {
-    'dvs_interfaces': set(),
-    **{package: {'dvs_interfaces'} for package in MIDDLE},
-    'dvs_closed_loop': {*MIDDLE, 'dvs_interfaces'},
+    'dvs_common': set(),
+    **{package: {'dvs_common'} for package in MIDDLE},
+    'dvs_simulation': {*MIDDLE, 'dvs_common'},
+    'dvs_closed_loop': {*MIDDLE, 'dvs_common', 'dvs_simulation'},
 }
 # Rooms that are made of ROS; every other module is a core or a node, `*_node.py`.
 ROS_ROOMS = {
-    'dvs_interfaces': {'managed_node', 'demanded_publisher', 'ros_parameters', 'spin'},
+    'dvs_common': {
+        'node.managed_node',
+        'node.demanded_publisher',
+        'node.ros_parameters',
+        'node.spin',
+    },
+    'dvs_plant_sim': {'lockstep_driver', 'realtime_driver'},
     'dvs_closed_loop': {
-        'closed_loop',
-        'composed_loop',
-        'loop_parameters',
-        'loop_runner',
-        'run_recorder',
+        'running.closed_loop',
+        'running.composed_loop',
+        'running.loop_parameters',
+        'running.loop_runner',
+        'running.run_recorder',
     },
 }
 MODULES = {
-    f'{package}.{path.stem}': path
+    '.'.join(path.relative_to(ROOT / 'src' / package).with_suffix('').parts): path
     for package in BELOW
     for path in sorted((ROOT / 'src' / package / package).rglob('*.py'))
 }
@@ -51,7 +58,7 @@ def is_ros(module):
 
 
 def is_ros_room(module):
-    package, _, stem = module.rpartition('.')
+    package, _, stem = module.partition('.')
     return stem.endswith('_node') or stem in ROS_ROOMS.get(package, ())
 
 

@@ -9,9 +9,9 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64MultiArray
 from test_health import latest, values
 
-from dvs_hinf_controller.sector import sector
-from dvs_interfaces.parameters import SCHEMA
-from dvs_interfaces.scenario import Scenario
+from dvs_common.scenario.parameters import SCHEMA
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.analysis.sector import sector
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
 # On the line of stabilizable set-points, brighter than the scenario's.

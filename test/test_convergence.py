@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from loop_support import CONFIG
 
-from dvs_closed_loop.exact import ClosedLoop, simulate
-from dvs_closed_loop.sampled_loop import run_sampled
-from dvs_hinf_controller.design import design_from_scenario
-from dvs_interfaces.messages import parse_state
-from dvs_interfaces.scenario import load_scenario
+from dvs_common.scenario.scenario import load_scenario
+from dvs_common.wire.messages import parse_state
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_simulation.exact import ClosedLoop, simulate
+from dvs_simulation.sampled.sampled_loop import run_sampled
 
 # While the loop goes down to its limit cycle; later a late event shifts the phase of the cycle.
 HORIZON_S = 0.4

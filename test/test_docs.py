@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from dvs_interfaces import topics
-from dvs_interfaces.events import LABELLED_EVENT_DTYPE
-from dvs_interfaces.parameters import SCHEMA
+from dvs_common.scenario.parameters import SCHEMA
+from dvs_common.wire import topics
+from dvs_common.wire.events import LABELLED_EVENT_DTYPE
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / 'docs'

@@ -10,9 +10,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from test_health import latest, values
 
-from dvs_interfaces import topics
-from dvs_interfaces.messages import parse_command
-from dvs_interfaces.scenario import Scenario
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.messages import parse_command
 
 NODES = ('event_camera', 'hinf_controller', 'plant_sim')
 PERIOD_S = 0.01

@@ -10,11 +10,11 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Float64MultiArray
 from test_health import latest, reaches
 
-from dvs_hinf_controller.sector import sector
-from dvs_interfaces import topics
-from dvs_interfaces.events import EventPacket, make_events, pack_events
-from dvs_interfaces.keyframe import Keyframe, pack_keyframe, parse_keyframe
-from dvs_interfaces.scenario import load_scenario
+from dvs_common.scenario.scenario import load_scenario
+from dvs_common.wire import topics
+from dvs_common.wire.events import EventPacket, make_events, pack_events
+from dvs_common.wire.keyframe import Keyframe, pack_keyframe, parse_keyframe
+from dvs_hinf_controller.analysis.sector import sector
 
 SCENARIO = load_scenario(CONFIG / 'mirror_r3.yaml')
 

@@ -5,8 +5,8 @@ import pytest
 from loop_support import operating, ros_arguments, start, stop
 from sensor_msgs.msg import Image
 
-from dvs_interfaces import topics
-from dvs_interfaces.scenario import Scenario
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
 
 SAYS = {'plant_sim': 'luminosity', 'event_camera': 'events', 'hinf_controller': 'command'}
 NODES = tuple(SAYS)

@@ -6,7 +6,7 @@ import time
 from loop_support import listening, ros_arguments, run_closed_loop, start, stop
 from rosbags.rosbag2 import Reader
 
-from dvs_interfaces import topics
+from dvs_common.wire import topics
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
 STREAMS = (topics.EVENTS, topics.COMMAND)

@@ -15,8 +15,8 @@ from loop_support import (
 )
 from sensor_msgs.msg import JointState
 
-from dvs_closed_loop.bag import read_bag
-from dvs_interfaces import topics
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_common.wire import topics
 
 STREAMS = (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE, topics.ESTIMATE)
 LOOPS = {'left': 'mirror_r1', 'cell/right': 'mirror_r9'}

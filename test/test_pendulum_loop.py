@@ -5,10 +5,10 @@ import pytest
 from loop_support import CONFIG, ROOT, ros_arguments, run_closed_loop, start
 from scipy.linalg import expm
 
-from dvs_closed_loop.bag import read_bag
-from dvs_interfaces import topics
-from dvs_interfaces.messages import parse_command, parse_state
-from dvs_interfaces.scenario import load_scenario
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_common.scenario.scenario import load_scenario
+from dvs_common.wire import topics
+from dvs_common.wire.messages import parse_command, parse_state
 
 PENDULUM = CONFIG / 'pendulum.yaml'
 

@@ -7,9 +7,9 @@ from loop_support import listening, operating, ros_arguments, start, stop
 from sensor_msgs.msg import JointState
 from test_health import reaches
 
-from dvs_interfaces import topics
-from dvs_interfaces.messages import Vector, pack_command
-from dvs_interfaces.scenario import Scenario
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.messages import Vector, pack_command
 from dvs_plant_sim.plant import Plant
 
 pytestmark = pytest.mark.wall_clock

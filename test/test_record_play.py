@@ -16,15 +16,15 @@ from loop_support import (
     wait_for,
 )
 
-from dvs_closed_loop.bag import read_bag
-from dvs_closed_loop.bag_recorder_node import BagRecorder
-from dvs_closed_loop.recorded_run import examine
-from dvs_closed_loop.recording import BagWriter
-from dvs_closed_loop.streams import STREAMS
-from dvs_closed_loop.verdict import sector_ratios
-from dvs_interfaces import topics
-from dvs_interfaces.messages import pack_clock, parse_command
-from dvs_interfaces.stamped import stamp_of
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.bag_recorder_node import BagRecorder
+from dvs_closed_loop.bags.recorded_run import examine
+from dvs_closed_loop.bags.recording import BagWriter
+from dvs_closed_loop.bags.streams import STREAMS
+from dvs_common.wire import topics
+from dvs_common.wire.messages import pack_clock, parse_command
+from dvs_common.wire.stamped import stamp_of
+from dvs_simulation.judging.verdict import sector_ratios
 
 
 def scenario_file(path, **changes):

@@ -5,9 +5,9 @@ import pytest
 from loop_support import CONFIG, run_closed_loop
 from rosbags.rosbag2 import Reader
 
-from dvs_closed_loop.sampled_loop import run_sampled
-from dvs_interfaces import topics
-from dvs_interfaces.scenario import load_scenario
+from dvs_common.scenario.scenario import load_scenario
+from dvs_common.wire import topics
+from dvs_simulation.sampled.sampled_loop import run_sampled
 
 STREAMS = (topics.LUMINOSITY, topics.STATE, topics.EVENTS, topics.COMMAND, topics.ESTIMATE)
 

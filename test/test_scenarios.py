@@ -1,16 +1,38 @@
 """Every scenario in config/ regulates, run as three node processes over Fast DDS."""
 
+import hashlib
 import json
+from pathlib import Path
 
 import pytest
 from loop_support import CONFIG, run_closed_loop
+from rosbags.rosbag2 import Reader
 
+# Bytes of `events` and `command` that every scenario made in lockstep before the packages were
+# rearranged: each message preceded by its length as a little-endian int32, then SHA-256.
+BYTES = json.loads((Path(__file__).parent / 'lockstep_bytes.json').read_text())
 LOCKSTEP = sorted(p.stem for p in CONFIG.glob('*.yaml') if 'mode: lockstep' in p.read_text())
 
 
 def test_the_published_scenarios_are_there():
     published = {'paper_r1', 'paper_r3', 'paper_r9', 'mirror_r1', 'mirror_r3', 'mirror_r9'}
     assert published | {'platform'} <= set(LOCKSTEP)
+
+
+def bytes_of(bag):
+    streams = {
+        topic: {'messages': 0, 'sha256': hashlib.sha256()} for topic in ('events', 'command')
+    }
+    with Reader(bag) as reader:
+        for connection, _, message in reader.messages():
+            stream = streams.get(connection.topic.removeprefix('/'))
+            if stream:
+                stream['messages'] += 1
+                stream['sha256'].update(len(message).to_bytes(4, 'little') + bytes(message))
+    return {
+        name: {**stream, 'sha256': stream['sha256'].hexdigest()}
+        for name, stream in streams.items()
+    }
 
 
 @pytest.mark.parametrize('scenario', LOCKSTEP)
@@ -25,6 +47,7 @@ def test_scenario_regulates(scenario, domain, tmp_path):
     assert result['events'] > result['pixels']
     assert result['h'] <= result['h_star']
     assert (tmp_path / scenario / 'figure.png').stat().st_size > 20_000
+    assert bytes_of(tmp_path / scenario / 'bag') == BYTES[scenario]
     if scenario == 'paper_r3':
         # Paper, section IV-A: h*_u = 0.1562.
         assert result['h_star'] == pytest.approx(0.1562, rel=5e-3)

@@ -6,8 +6,8 @@ import time
 
 from loop_support import CONFIG, environment, listening, program
 
-from dvs_closed_loop.bag import read_bag
-from dvs_interfaces import topics
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_common.wire import topics
 
 STALL_S = 1.0
 DURATION_S = 4.0

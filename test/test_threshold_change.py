@@ -4,15 +4,15 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.events import NO_EVENTS, EventPacket
+from dvs_common.wire.keyframe import Keyframe, pack_keyframe, parse_keyframe
+from dvs_common.wire.messages import pack_image
 from dvs_event_camera.event_camera import EventCamera
-from dvs_event_camera.image_source import parse_luminosity
-from dvs_hinf_controller.design import design_from_scenario
-from dvs_hinf_controller.event_controller import EventController
-from dvs_hinf_controller.sector import sector
-from dvs_interfaces.events import NO_EVENTS, EventPacket
-from dvs_interfaces.keyframe import Keyframe, pack_keyframe, parse_keyframe
-from dvs_interfaces.messages import pack_image
-from dvs_interfaces.scenario import Scenario
+from dvs_event_camera.streams.image_source import parse_luminosity
+from dvs_hinf_controller.analysis.sector import sector
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_hinf_controller.running.event_controller import EventController
 
 SCENARIO = Scenario.from_values({})
 DESIGN = design_from_scenario(SCENARIO)

@@ -9,9 +9,9 @@ import pytest
 from loop_support import CONFIG, program, run_closed_loop, stop
 from two_hosts import two_hosts
 
-from dvs_closed_loop.bag import read_bag
-from dvs_interfaces import topics
-from dvs_interfaces.messages import parse_command, parse_image
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_common.wire import topics
+from dvs_common.wire.messages import parse_command, parse_image
 
 PARTNERS = ('event_camera', 'hinf_controller')
 SUBNET = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}

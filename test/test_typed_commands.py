@@ -22,9 +22,9 @@ from loop_support import ROOT, environment, stop, wait_for
 from test_documented_commands import PAGES, name_of, sandbox
 
 from dvs_closed_loop.cli import COMMANDS
-from dvs_closed_loop.launch_plan import ARGUMENTS, launch_plan
-from dvs_interfaces import topics
-from dvs_interfaces.parameters import CAMERA, CONTROLLER, PLANT, SCHEMA
+from dvs_closed_loop.running.launch_plan import ARGUMENTS, launch_plan
+from dvs_common.scenario.parameters import CAMERA, CONTROLLER, PLANT, SCHEMA
+from dvs_common.wire import topics
 
 RUN = r'scripts/run\.sh '
 TOOLS = RUN + r'dvs_closed_loop dvs_closed_loop '

@@ -8,7 +8,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed', 'web/*']},
+    package_data={package_name: ['py.typed', 'dashboard/web/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -20,13 +20,13 @@ setup(
     zip_safe=False,
     maintainer='DVS regulation developers',
     maintainer_email='maintainers@example.org',
-    description='The whole loop: runner, recorder, exact hybrid automaton, experiments and reports.',
+    description='The whole loop: runner, recorder, reports and dashboard.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
             'dvs_closed_loop = dvs_closed_loop.cli:main',
-            'closed_loop = dvs_closed_loop.closed_loop:main',
-            'composed_loop = dvs_closed_loop.composed_loop:main',
+            'closed_loop = dvs_closed_loop.running.closed_loop:main',
+            'composed_loop = dvs_closed_loop.running.composed_loop:main',
         ],
     },
 )

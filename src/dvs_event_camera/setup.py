@@ -23,9 +23,9 @@ setup(
     entry_points={
         'console_scripts': [
             'event_camera = dvs_event_camera.event_camera_node:main',
-            'packet_bridge = dvs_event_camera.packet_bridge_node:main',
-            'scene = dvs_event_camera.scene_node:main',
-            'show_events = dvs_event_camera.show_events:main',
+            'packet_bridge = dvs_event_camera.tools.packet_bridge_node:main',
+            'scene = dvs_event_camera.tools.scene_node:main',
+            'show_events = dvs_event_camera.tools.show_events:main',
         ],
     },
 )

@@ -22,7 +22,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'design_controller = dvs_hinf_controller.design_tool:main',
+            'design_controller = dvs_hinf_controller.design.design_tool:main',
             'hinf_controller = dvs_hinf_controller.hinf_controller_node:main',
         ],
     },

@@ -1,1 +1,1 @@
-"""The whole loop: runner, recorder, exact hybrid automaton, experiments and reports."""
+"""The whole loop: runner, recorder, reports, dashboard."""

@@ -3,8 +3,8 @@
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
 
-from dvs_closed_loop.launch_plan import ARGUMENTS, launch_plan
-from dvs_interfaces.launching import node_action, value_of
+from dvs_closed_loop.running.launch_plan import ARGUMENTS, launch_plan
+from dvs_common.node.launching import node_action, value_of
 
 
 def _start(context: LaunchContext) -> list:

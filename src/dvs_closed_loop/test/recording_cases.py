@@ -9,11 +9,11 @@ import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
-from dvs_closed_loop.streams import STREAMS
-from dvs_interfaces import topics
-from dvs_interfaces.events import EventPacket, make_events, pack_events
-from dvs_interfaces.messages import Vector, pack_array, pack_command, pack_image, pack_state
-from dvs_interfaces.scenario import Scenario
+from dvs_closed_loop.bags.streams import STREAMS
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.events import EventPacket, make_events, pack_events
+from dvs_common.wire.messages import Vector, pack_array, pack_command, pack_image, pack_state
 
 Recorded = list[tuple[str, int, bytes]]
 

@@ -5,10 +5,10 @@ from recorded_messages import MS, recorded
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from dvs_closed_loop.bag import read_bag
-from dvs_closed_loop.recording import STORAGES, BagWriter
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.scenario import Scenario
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.recording import STORAGES, BagWriter
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario
 
 TYPES = {
     'state': 'sensor_msgs/msg/JointState',

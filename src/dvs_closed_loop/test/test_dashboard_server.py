@@ -7,8 +7,8 @@ import urllib.request
 
 import pytest
 
-from dvs_closed_loop.dashboard_server import DashboardServer, is_expected_host
-from dvs_interfaces.errors import ParameterError
+from dvs_closed_loop.dashboard.dashboard_server import DashboardServer, is_expected_host
+from dvs_common.errors import ParameterError
 
 
 @pytest.fixture

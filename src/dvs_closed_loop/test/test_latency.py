@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dvs_closed_loop.bag import RecordedBag, RecordedMessage
-from dvs_closed_loop.latency import stage_latencies, table
-from dvs_interfaces import topics
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import EVENT_DTYPE, EventPacket, pack_events
-from dvs_interfaces.messages import Vector, pack_command, pack_image
+from dvs_closed_loop.bags.bag import RecordedBag, RecordedMessage
+from dvs_closed_loop.commands.latency import stage_latencies, table
+from dvs_common.errors import ParameterError
+from dvs_common.wire import topics
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket, pack_events
+from dvs_common.wire.messages import Vector, pack_command, pack_image
 
 MS = 1_000_000
 

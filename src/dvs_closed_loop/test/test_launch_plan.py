@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from dvs_closed_loop.launch_plan import ARGUMENTS, VIEWERS, launch_plan, record_command
-from dvs_closed_loop.loop_plan import given, loop_plan, plant_program, scenario_file
-from dvs_closed_loop.run_recorder import RECORDED
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.scenario import Scenario, load_scenario
+from dvs_closed_loop.running.launch_plan import ARGUMENTS, VIEWERS, launch_plan, record_command
+from dvs_closed_loop.running.loop_plan import given, loop_plan, plant_program, scenario_file
+from dvs_closed_loop.running.run_recorder import RECORDED
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario, load_scenario
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 MIRROR = CONFIG / 'mirror_r3.yaml'

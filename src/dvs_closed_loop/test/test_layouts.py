@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from dvs_closed_loop.streams import STREAMS
+from dvs_closed_loop.bags.streams import STREAMS
 
 LAYOUTS = Path(__file__).parents[1] / 'layouts'
 TYPES = get_typestore(Stores.ROS2_JAZZY)

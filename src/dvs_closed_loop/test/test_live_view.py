@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from recording_cases import PERIOD_NS, packet, small_run
 
-from dvs_closed_loop.live_view import LiveView
-from dvs_interfaces import topics
-from dvs_interfaces.messages import Vector, pack_state
-from dvs_interfaces.scenario import Scenario
+from dvs_closed_loop.dashboard.live_view import LiveView
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.messages import Vector, pack_state
 
 SCENARIO = Scenario.from_values({})
 
@@ -48,7 +48,7 @@ def test_an_estimate_stands_beside_the_luminosity_of_its_sample():
 
 
 def sector_bound(bounds):
-    from dvs_hinf_controller.sector import sector
+    from dvs_hinf_controller.analysis.sector import sector
 
     constants = sector(bounds, event_threshold=0.15, log_base=SCENARIO['log_base'])
     return float(np.min(constants.error_bound))

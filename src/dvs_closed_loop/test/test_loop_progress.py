@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from dvs_closed_loop.loop_progress import LoopProgress
-from dvs_interfaces import topics
-from dvs_interfaces.messages import Vector, pack_command
+from dvs_closed_loop.running.loop_progress import LoopProgress
+from dvs_common.wire import topics
+from dvs_common.wire.messages import Vector, pack_command
 
 
 class Screen(io.StringIO):

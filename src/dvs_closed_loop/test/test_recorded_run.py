@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from recording_cases import PERIOD_NS, TYPES, packet, small_run, write_like_rosbag2
 
-from dvs_closed_loop.bag import read_bag
-from dvs_closed_loop.index_watch import IndexWatch
-from dvs_closed_loop.recorded_run import examine
-from dvs_closed_loop.recording import BagWriter
-from dvs_interfaces import topics
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import parse_events
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.recorded_run import examine
+from dvs_closed_loop.bags.recording import BagWriter
+from dvs_common.errors import ParameterError
+from dvs_common.wire import topics
+from dvs_common.wire.events import parse_events
+from dvs_common.wire.index_watch import IndexWatch
 
 
 def recorded_run(path, recorded):

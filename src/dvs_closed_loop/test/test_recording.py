@@ -10,11 +10,11 @@ from mcap.reader import make_reader
 from recording_cases import TYPES, packet, small_run
 from rosbags.rosbag2 import Reader
 
-from dvs_closed_loop.bag import read_bag
-from dvs_closed_loop.recording import STORAGES, BagFullError, BagWriter
-from dvs_interfaces import topics
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.scenario import Scenario
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.recording import STORAGES, BagFullError, BagWriter
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
 
 MESSAGE = packet(0, 40, 0)
 
@@ -81,7 +81,7 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 from test_recording import fill
-from dvs_closed_loop.recording import BagFullError
+from dvs_closed_loop.bags.recording import BagFullError
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
     fill(Path(sys.argv[1]), sys.argv[2])

@@ -7,10 +7,10 @@ import re
 import pytest
 from recording_cases import TYPES, small_run, write_like_rosbag2
 
+from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.cli import main
-from dvs_closed_loop.recording import BagWriter
-from dvs_interfaces import topics
-from dvs_interfaces.scenario import Scenario
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
 
 SCENARIO = Scenario.from_values({'duration': 0.59, 'sampling_period': 0.01})
 

@@ -9,20 +9,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from dvs_event_camera.event_records import records_of
-from dvs_event_camera.image_source import LuminosityFrame
-from dvs_event_camera.imperfections import Imperfections
-from dvs_event_camera.photoreceptor import (
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
+from dvs_event_camera.pixels.imperfections import Imperfections
+from dvs_event_camera.pixels.photoreceptor import (
     LinLogPhotoreceptor,
     LogPhotoreceptor,
     Photoreceptor,
     SignedLogPhotoreceptor,
 )
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
-from dvs_interfaces.model import FloatArray
-from dvs_interfaces.scenario import Scenario
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.streams.event_records import records_of
+from dvs_event_camera.streams.image_source import LuminosityFrame
 
 # Noise events between two frames; beyond, a clock has jumped and not a sensor slept.
 _MOST_NOISE = 1e7

@@ -13,21 +13,25 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CompressedImage, Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Int16MultiArray, MultiArrayDimension, MultiArrayLayout
 
+from dvs_common.errors import ParameterError
+from dvs_common.node.health import Health, Level, RateMeter, Trouble
+from dvs_common.node.managed_node import ManagedNode
+from dvs_common.node.spin import run_nodes
+from dvs_common.scenario.parameters import CAMERA
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket, pack_events
+from dvs_common.wire.keyframe import Keyframe, pack_keyframe
+from dvs_common.wire.messages import Vector, pack_command, pack_image
 from dvs_event_camera.event_camera import EventCamera, Exposure
-from dvs_event_camera.event_packet import pack_event_packet
-from dvs_event_camera.event_records import without_labels
-from dvs_event_camera.image_source import LuminosityFrame, parse_compressed, parse_luminosity
-from dvs_event_camera.renderer import EventRenderer
-from dvs_interfaces import topics
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import EVENT_DTYPE, EventPacket, pack_events
-from dvs_interfaces.health import Health, Level, RateMeter, Trouble
-from dvs_interfaces.keyframe import Keyframe, pack_keyframe
-from dvs_interfaces.managed_node import ManagedNode
-from dvs_interfaces.messages import Vector, pack_command, pack_image
-from dvs_interfaces.parameters import CAMERA
-from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.spin import run_nodes
+from dvs_event_camera.streams.event_packet import pack_event_packet
+from dvs_event_camera.streams.event_records import without_labels
+from dvs_event_camera.streams.image_source import (
+    LuminosityFrame,
+    parse_compressed,
+    parse_luminosity,
+)
+from dvs_event_camera.streams.renderer import EventRenderer
 
 _STALE_S = 2.0
 _START_FAILED = 2

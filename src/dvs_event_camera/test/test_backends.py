@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_event_camera.photoreceptor import LinLogPhotoreceptor, LogPhotoreceptor
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_interfaces.errors import ParameterError
+from dvs_common.errors import ParameterError
+from dvs_event_camera.pixels.photoreceptor import LinLogPhotoreceptor, LogPhotoreceptor
+from dvs_event_camera.pixels.pixel_array import PixelArray
 
 pytest.importorskip('numba')
 
@@ -87,7 +87,7 @@ def assert_same(one, other):
 
 
 def test_machine_without_numba_falls_back_or_says_so(monkeypatch):
-    from dvs_event_camera import compiled
+    from dvs_event_camera.pixels import compiled
 
     monkeypatch.setattr(compiled, 'kernels', lambda: None)
     PixelArray(event_threshold=0.1, backend='auto').update(0, np.ones(5000))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dvs_interfaces.parameters import CAMERA, SCHEMA
+from dvs_common.scenario.parameters import CAMERA, SCHEMA
 
 PAGE = Path(__file__).parents[3] / 'docs' / 'event_camera.md'
 

@@ -5,13 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from dvs_event_camera.event_camera import EventCamera
-from dvs_event_camera.event_records import records_of, without_labels
-from dvs_event_camera.image_source import LuminosityFrame
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import (
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.events import (
     EVENT_DTYPE,
     LABELLED_EVENT_DTYPE,
     EventPacket,
@@ -19,7 +15,11 @@ from dvs_interfaces.events import (
     pack_events,
     parse_events,
 )
-from dvs_interfaces.scenario import Scenario
+from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.streams.event_records import records_of, without_labels
+from dvs_event_camera.streams.image_source import LuminosityFrame
 
 MS = 1_000_000
 SECOND = 1_000_000_000

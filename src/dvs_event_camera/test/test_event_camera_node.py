@@ -15,10 +15,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
-from dvs_event_camera.event_packet import pack_event_packet, parse_event_packet
-from dvs_interfaces import topics
-from dvs_interfaces.events import EventPacket, make_events, parse_events
-from dvs_interfaces.messages import pack_image, parse_image
+from dvs_common.wire import topics
+from dvs_common.wire.events import EventPacket, make_events, parse_events
+from dvs_common.wire.messages import pack_image, parse_image
+from dvs_event_camera.streams.event_packet import pack_event_packet, parse_event_packet
 
 MS = 1_000_000
 CAMERA = 'event_camera_node'

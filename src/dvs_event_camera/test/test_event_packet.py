@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_event_camera.event_packet import (
+from dvs_common.wire.cdr import CdrWriter, MessageError
+from dvs_common.wire.events import EventPacket, make_events
+from dvs_event_camera.streams.event_packet import (
     decode_mono,
     encode_mono,
     pack_event_packet,
     parse_event_packet,
 )
-from dvs_interfaces.cdr import CdrWriter, MessageError
-from dvs_interfaces.events import EventPacket, make_events
 
 
 def packet_of(stamp_ns, times, x, y, polarity, width=640, first_index=0):

@@ -5,9 +5,13 @@ import io
 import numpy as np
 import pytest
 
-from dvs_event_camera.image_source import decode_picture, parse_compressed, parse_luminosity
-from dvs_interfaces.cdr import CdrWriter, MessageError
-from dvs_interfaces.messages import pack_image
+from dvs_common.wire.cdr import CdrWriter, MessageError
+from dvs_common.wire.messages import pack_image
+from dvs_event_camera.streams.image_source import (
+    decode_picture,
+    parse_compressed,
+    parse_luminosity,
+)
 
 PIXELS = np.array([[1, 2, 3], [250, 0, 7]])
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_event_camera.imperfections import Imperfections
-from dvs_event_camera.photoreceptor import SignedLogPhotoreceptor
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.errors import ParameterError
+from dvs_common.errors import ParameterError
+from dvs_event_camera.pixels.imperfections import Imperfections
+from dvs_event_camera.pixels.photoreceptor import SignedLogPhotoreceptor
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 MS = 1_000_000
 

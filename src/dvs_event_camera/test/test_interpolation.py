@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_event_camera.hermite import end_slopes, monotone_cubic_root
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_interfaces.errors import ParameterError
+from dvs_common.errors import ParameterError
+from dvs_event_camera.pixels.hermite import end_slopes, monotone_cubic_root
+from dvs_event_camera.pixels.pixel_array import PixelArray
 
 TAU = 0.05
 

@@ -9,11 +9,11 @@ import math
 import numpy as np
 import pytest
 
-from dvs_event_camera.imperfections import Imperfections
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_interfaces import topics
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.parameters import SCHEMA
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.parameters import SCHEMA
+from dvs_common.wire import topics
+from dvs_event_camera.pixels.imperfections import Imperfections
+from dvs_event_camera.pixels.pixel_array import PixelArray
 
 MS = 1_000_000
 H = 0.1

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_event_camera.photoreceptor import (
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_event_camera.pixels.photoreceptor import (
     LinLogPhotoreceptor,
     LogPhotoreceptor,
     SignedLogPhotoreceptor,
 )
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.pixel_events import PixelEvents
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.reference_bounds import ReferenceBounds
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 MS = 1_000_000
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from dvs_event_camera.pixel_events import PixelEvents
-from dvs_event_camera.renderer import BACKGROUND, PALETTES, EventRenderer
-from dvs_interfaces.errors import ParameterError
+from dvs_common.errors import ParameterError
+from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.streams.renderer import BACKGROUND, PALETTES, EventRenderer
 
 
 def events_at(pixels, polarities, t=0):

@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.scenes import SCENES, Scene, recorded_frames, synthetic_frames
-from dvs_interfaces.errors import ParameterError
+from dvs_common.errors import ParameterError
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.tools.scenes import SCENES, Scene, recorded_frames, synthetic_frames
 
 SCENE = Scene(height=24, width=32, speed=100.0, frequency=5.0, period=16.0)
 

@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from dvs_event_camera import show_events
-from dvs_event_camera.event_packet import pack_event_packet
-from dvs_event_camera.stream_statistics import StreamStatistics
-from dvs_interfaces.events import EVENT_DTYPE, EventPacket, make_events, pack_events
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket, make_events, pack_events
+from dvs_event_camera.streams.event_packet import pack_event_packet
+from dvs_event_camera.streams.stream_statistics import StreamStatistics
+from dvs_event_camera.tools import show_events
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
 

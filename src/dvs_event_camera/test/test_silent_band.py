@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_event_camera.photoreceptor import LogPhotoreceptor
-from dvs_event_camera.pixel_array import PixelArray
-from dvs_event_camera.silent_band import LARGEST_ARRAY, SilentBand
+from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
 
 MS = 1_000_000
 SMALL = 3

@@ -9,26 +9,26 @@ import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Float64MultiArray
 
-from dvs_hinf_controller.design import Design, design_from_scenario
-from dvs_hinf_controller.event_controller import EventController, PacketReport
-from dvs_hinf_controller.start_up import darkness_warnings, start_up_report
-from dvs_hinf_controller.synchroniser import Synchrony
-from dvs_interfaces import topics
-from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.events import EVENT_DTYPE, parse_events
-from dvs_interfaces.health import Health, Level, RateMeter, Trouble
-from dvs_interfaces.keyframe import parse_keyframe
-from dvs_interfaces.managed_node import ManagedNode
-from dvs_interfaces.messages import (
+from dvs_common.errors import ParameterError
+from dvs_common.node.health import Health, Level, RateMeter, Trouble
+from dvs_common.node.managed_node import ManagedNode
+from dvs_common.node.spin import run_nodes
+from dvs_common.scenario.parameters import CONTROLLER
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.events import EVENT_DTYPE, parse_events
+from dvs_common.wire.keyframe import parse_keyframe
+from dvs_common.wire.messages import (
     Vector,
     pack_array,
     pack_command,
     parse_command,
 )
-from dvs_interfaces.parameters import CONTROLLER
-from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.spin import run_nodes
+from dvs_hinf_controller.design.design import Design, design_from_scenario
+from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
+from dvs_hinf_controller.running.event_controller import EventController, PacketReport
+from dvs_hinf_controller.running.synchroniser import Synchrony
 
 _ASK_AGAIN_S = 0.5
 _STALE_S = 2.0

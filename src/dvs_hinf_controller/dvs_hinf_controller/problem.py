@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import Equilibrium, FloatArray, PixelScene, PlantModel
-from dvs_interfaces.reference_bounds import ReferenceBounds
-from dvs_interfaces.scenario import Scenario
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import Equilibrium, FloatArray, PixelScene, PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvs_common.scenario.model import FloatArray, PlantModel
 from dvs_hinf_controller.controller import LinearController
-from dvs_interfaces.model import FloatArray, PlantModel
 
 ComplexArray = np.typing.NDArray[np.complex128]
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from dvs_common.scenario.model import PixelScene, PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_interfaces.model import PixelScene, PlantModel
-from dvs_interfaces.reference_bounds import ReferenceBounds
 
 # Pixel displacements of the paper, section IV.
 OFFSETS = np.array(

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 from hypothesis import strategies as st
 
-from dvs_interfaces.model import PlantModel
+from dvs_common.scenario.model import PlantModel
 
 
 @st.composite

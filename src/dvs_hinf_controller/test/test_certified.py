@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from dvs_hinf_controller.certified import synthesize_certified
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.peak_gain import peak_gains, sample_kernel, steepest_direction
+from dvs_hinf_controller.analysis.thresholds import certified_uncertainty
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.design import Design, design_controller, measure
-from dvs_hinf_controller.options import DesignOptions
-from dvs_hinf_controller.peak_gain import peak_gains, sample_kernel, steepest_direction
+from dvs_hinf_controller.design.design import Design, design_controller, measure
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.reduction import reduced_controllers
-from dvs_hinf_controller.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.state_space import state_response
-from dvs_hinf_controller.synthesis_error import SynthesisError
-from dvs_hinf_controller.thresholds import certified_uncertainty
-from dvs_hinf_controller.youla import YoulaFamily
-from dvs_interfaces.model import PlantModel
+from dvs_hinf_controller.synthesis.certified import synthesize_certified
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
+from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
+from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
+from dvs_hinf_controller.synthesis.youla import YoulaFamily
 
 Make = Callable[..., DesignProblem]
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvs_common.errors import ParameterError
 from dvs_hinf_controller.controller import LinearController
-from dvs_interfaces.errors import ParameterError
 
 
 def controller(k, m, seed=0):

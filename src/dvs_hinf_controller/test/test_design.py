@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import PixelScene, PlantModel
+from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.design import (
+from dvs_hinf_controller.design.design import (
     as_json_object,
     design_controller,
     design_from_scenario,
@@ -17,16 +20,13 @@ from dvs_hinf_controller.design import (
     measure,
     save_design,
 )
-from dvs_hinf_controller.design_report import report_text
-from dvs_hinf_controller.design_tool import main, with_pixels
-from dvs_hinf_controller.methods import METHODS
-from dvs_hinf_controller.options import DesignOptions
+from dvs_hinf_controller.design.design_report import report_text
+from dvs_hinf_controller.design.design_tool import main, with_pixels
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
-from dvs_hinf_controller.synthesis_error import SynthesisError
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import PixelScene, PlantModel
-from dvs_interfaces.scenario import Scenario
+from dvs_hinf_controller.synthesis.methods import METHODS
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
 
 Make = Callable[..., DesignProblem]
 JSON_KEYS = [

@@ -9,16 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from dvs_common.scenario.model import PixelScene, PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.events import EVENT_DTYPE, INDEX_MODULUS, EventPacket
+from dvs_common.wire.keyframe import Keyframe
+from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.event_controller import EventController, PacketReport
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.sector import sector
-from dvs_hinf_controller.synchroniser import Synchrony
-from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.events import EVENT_DTYPE, INDEX_MODULUS, EventPacket
-from dvs_interfaces.keyframe import Keyframe
-from dvs_interfaces.model import PixelScene, PlantModel
-from dvs_interfaces.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.running.event_controller import EventController, PacketReport
+from dvs_hinf_controller.running.synchroniser import Synchrony
 
 MS = 1_000_000
 H = 0.1

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from dvs_hinf_controller.held_input import HeldInputResponse
+from dvs_hinf_controller.running.held_input import HeldInputResponse
 
 DURATIONS = np.array([0.0, 1e-9, 1e-3, 0.37])
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_hinf_controller.hinf_norm import axis_crossings, hinf_norm
+from dvs_hinf_controller.analysis.hinf_norm import axis_crossings, hinf_norm
 from dvs_hinf_controller.state_space import StateSpace
 
 

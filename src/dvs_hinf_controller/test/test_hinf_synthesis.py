@@ -4,18 +4,18 @@ import math
 import numpy as np
 import pytest
 
-from dvs_hinf_controller.full_plant import full_plant
-from dvs_hinf_controller.hinf_norm import hinf_norm
-from dvs_hinf_controller.hinf_synthesis import (
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.hinf_norm import hinf_norm
+from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
+from dvs_hinf_controller.synthesis.full_plant import full_plant
+from dvs_hinf_controller.synthesis.hinf_synthesis import (
     balanced,
     gamma_test,
     hinf_synthesis,
     require_assumptions,
 )
-from dvs_hinf_controller.reduced import reduced_plant
-from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
-from dvs_hinf_controller.synthesis_error import Assumption, SynthesisError
-from dvs_interfaces.model import PlantModel
+from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant
+from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
 
 def plant(a: object, **changes: object) -> GeneralizedPlant:
@@ -127,7 +127,7 @@ def test_tests_name_every_riccati_failure() -> None:
 def test_search_without_success_names_the_last_failure(
     monkeypatch: pytest.MonkeyPatch, assumption: Assumption
 ) -> None:
-    from dvs_hinf_controller import hinf_synthesis as module
+    from dvs_hinf_controller.synthesis import hinf_synthesis as module
 
     def fail(_: GeneralizedPlant, gamma: float) -> object:
         test = module.GammaTest(gamma=gamma, failure=assumption, spectral_radius=2.5)
@@ -143,7 +143,7 @@ def test_search_without_success_names_the_last_failure(
 
 
 def test_unstable_result_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
-    from dvs_hinf_controller import hinf_synthesis as module
+    from dvs_hinf_controller.synthesis import hinf_synthesis as module
 
     def garbage(*_: object) -> StateSpace:
         return StateSpace(a=-np.eye(1), b=np.ones((1, 1)), c=np.zeros((1, 1)), d=np.zeros((1, 1)))

@@ -6,12 +6,12 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from plants import plants
 
-from dvs_hinf_controller.options import DesignOptions
-from dvs_hinf_controller.peak_gain import peak_gains, sample_kernel
-from dvs_hinf_controller.rolled_off import synthesize_rolled_off
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.peak_gain import peak_gains, sample_kernel
 from dvs_hinf_controller.state_space import StateSpace, state_response
-from dvs_hinf_controller.synthesis_error import SynthesisError
-from dvs_interfaces.model import PlantModel
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
+from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
 
 
 def system(a: object, b: object, c: object = None) -> StateSpace:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.sampling import max_sampling_period, sampled_matrix
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.options import DesignOptions
-from dvs_hinf_controller.rolled_off import synthesize_rolled_off
-from dvs_hinf_controller.sampling import max_sampling_period, sampled_matrix
-from dvs_interfaces.model import PlantModel
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
 
 
 def static(gain: float) -> LinearController:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvs_hinf_controller.sector import estimate, sector, spacing
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.reference_bounds import ReferenceBounds
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.analysis.sector import estimate, sector, spacing
 
 thresholds = st.floats(0.01, 1.0)
 bases = st.sampled_from([2.0, math.e, 10.0])

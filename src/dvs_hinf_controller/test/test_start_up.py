@@ -4,10 +4,10 @@ import dataclasses
 
 import pytest
 
-from dvs_hinf_controller.design import design_from_scenario
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.start_up import darkness_warnings, start_up_report
-from dvs_interfaces.scenario import Scenario
 
 
 @pytest.fixture(scope='module')

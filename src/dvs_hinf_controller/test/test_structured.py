@@ -5,16 +5,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from plants import nevanlinna_pick_optimum, plants
 
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.hinf_norm import hinf_norm
+from dvs_hinf_controller.analysis.mu import mu_bounds, mu_response
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.full_plant import full_plant
-from dvs_hinf_controller.hinf_norm import hinf_norm
-from dvs_hinf_controller.mu import mu_bounds, mu_response
-from dvs_hinf_controller.options import DesignOptions
-from dvs_hinf_controller.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.state_space import StateSpace, state_response
-from dvs_hinf_controller.structured import synthesize_structured
-from dvs_hinf_controller.weight_fit import fit_magnitude
-from dvs_interfaces.model import PlantModel
+from dvs_hinf_controller.synthesis.full_plant import full_plant
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
+from dvs_hinf_controller.synthesis.structured import synthesize_structured
+from dvs_hinf_controller.synthesis.weight_fit import fit_magnitude
 
 TIGHT = DesignOptions(gamma_slack=1e-3)
 

@@ -5,16 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.sector import sector
-from dvs_hinf_controller.thresholds import (
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.analysis.sector import sector
+from dvs_hinf_controller.analysis.thresholds import (
     certified_uncertainty,
     event_threshold,
     published_uncertainty,
     small_gain_holds,
 )
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.problem import DesignProblem
 
 Make = Callable[..., DesignProblem]
 

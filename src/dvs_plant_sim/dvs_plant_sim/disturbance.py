@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvs_interfaces.model import FloatArray
-from dvs_interfaces.scenario import Scenario
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.scenario import Scenario
 from dvs_plant_sim.dynamics import Dynamics
 
 _NANOSECOND_S = 1e-9

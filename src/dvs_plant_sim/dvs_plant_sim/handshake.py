@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvs_interfaces.cdr import MessageError
+from dvs_common.wire.cdr import MessageError
 
 
 class Handshake:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray, finite_array
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import FloatArray, finite_array
 
 _NANOSECOND_S = 1e-9
 # Local error of a Runge-Kutta step of this length: about (rate * step)^5 / 120, 1e-15 at 4 rad/s.

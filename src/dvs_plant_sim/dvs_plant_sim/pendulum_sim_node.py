@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray
-from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.schema import NON_NEGATIVE, POSITIVE, Kind, ParameterSpec
-from dvs_interfaces.spin import run_nodes
+from dvs_common.errors import ParameterError
+from dvs_common.node.spin import run_nodes
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.scenario.schema import NON_NEGATIVE, POSITIVE, Kind, ParameterSpec
 from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
 from dvs_plant_sim.plant_node import PlantNode
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import FloatArray, PlantModel, finite_array
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import FloatArray, PlantModel, finite_array
 
 _NANOSECOND_S = 1e-9
 

@@ -9,19 +9,19 @@ from typing import Any, ClassVar
 import numpy as np
 from sensor_msgs.msg import Image, JointState
 
-from dvs_interfaces import topics
-from dvs_interfaces.cdr import MessageError
-from dvs_interfaces.health import Health, Level, Trouble
-from dvs_interfaces.managed_node import ManagedNode
-from dvs_interfaces.messages import Vector, pack_image, pack_state, parse_command
-from dvs_interfaces.model import FloatArray
-from dvs_interfaces.parameters import PLANT
-from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.schema import ParameterSpec
+from dvs_common.node.health import Health, Level, Trouble
+from dvs_common.node.managed_node import ManagedNode
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.parameters import PLANT
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.scenario.schema import ParameterSpec
+from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.messages import Vector, pack_image, pack_state, parse_command
 from dvs_plant_sim.disturbance import disturbed
 from dvs_plant_sim.dynamics import Dynamics
-from dvs_plant_sim.lockstep_node import LockstepDriver
-from dvs_plant_sim.realtime_node import RealtimeDriver
+from dvs_plant_sim.lockstep_driver import LockstepDriver
+from dvs_plant_sim.realtime_driver import RealtimeDriver
 
 _FAILURE = 1
 _STALE_S = 2.0

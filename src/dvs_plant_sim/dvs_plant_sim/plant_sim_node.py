@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dvs_interfaces.scenario import Scenario
-from dvs_interfaces.spin import run_nodes
+from dvs_common.node.spin import run_nodes
+from dvs_common.scenario.scenario import Scenario
 from dvs_plant_sim.plant import Plant
 from dvs_plant_sim.plant_node import PlantNode
 

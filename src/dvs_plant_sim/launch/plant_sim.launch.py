@@ -2,7 +2,7 @@
 
 from launch import LaunchDescription
 
-from dvs_interfaces.launching import node_description
+from dvs_common.node.launching import node_description
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dvs_interfaces.model import PlantModel
+from dvs_common.scenario.model import PlantModel
 from dvs_plant_sim.disturbance import DisturbedPlant
 from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
 from dvs_plant_sim.plant import Plant

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dvs_interfaces.cdr import MessageError
+from dvs_common.wire.cdr import MessageError
 from dvs_plant_sim.handshake import Handshake
 
 

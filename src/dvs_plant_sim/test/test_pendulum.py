@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dvs_interfaces.errors import ParameterError
+from dvs_common.errors import ParameterError
 from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
 
 MS = 1_000_000

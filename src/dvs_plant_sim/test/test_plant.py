@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from dvs_interfaces.errors import ParameterError
-from dvs_interfaces.model import PlantModel
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import PlantModel
 from dvs_plant_sim.plant import Plant
 
 MS = 1_000_000

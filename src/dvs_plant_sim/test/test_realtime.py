@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvs_interfaces.model import PlantModel
+from dvs_common.scenario.model import PlantModel
 from dvs_plant_sim.plant import Plant
 from dvs_plant_sim.realtime import RealtimePlant
 

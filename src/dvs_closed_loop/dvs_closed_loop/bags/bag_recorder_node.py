@@ -1,0 +1,117 @@
+"""Subscribes to the loop's streams and writes what it hears to a bag."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
+
+from dvs_closed_loop.bags.recording import BagFullError, BagWriter
+from dvs_closed_loop.bags.streams import Stream
+from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.events import parse_events
+from dvs_common.wire.index_watch import IndexWatch
+
+# rclpy's executor raises on an event of a subscription that is gone, and `adapt` takes
+# subscriptions away just when a publisher has made such an event.
+_NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+
+
+class BagRecorder:
+    """Records streams; a full bag ends it with `failure` set.
+
+    Parameters
+    ----------
+    node
+        Node that carries the subscriptions.
+    streams
+        What to record.
+    bag
+        Where to; its topics must be the resolved names of the streams.
+    """
+
+    def __init__(self, node: Node, streams: list[Stream], bag: BagWriter) -> None:
+        self._node = node
+        self._bag = bag
+        self.counts = {stream.topic: 0 for stream in streams}
+        self.index = IndexWatch()
+        self.failure: BagFullError | None = None
+        self._last_ns = 0
+        self._subscriptions: dict[Stream, Subscription] = {}
+        self._heard: set[str] = set()
+        for stream in streams:
+            self._subscribe(stream, latched=stream.latched)
+
+    def adapt(self) -> None:
+        """Listen without latching where a publisher does not latch: realtime mode, a driver."""
+        for stream, subscription in list(self._subscriptions.items()):
+            if not _is_latched(subscription.qos_profile):
+                continue
+            publishers = self._node.get_publishers_info_by_topic(subscription.topic_name)
+            if any(not _is_latched(info.qos_profile) for info in publishers):
+                self._node.destroy_subscription(subscription)
+                self._subscribe(stream, latched=False)
+
+    def newly_heard(self) -> list[str]:
+        """Topics whose first publisher has been matched since the last call."""
+        matched = {s.topic for s, own in self._subscriptions.items() if own.get_publisher_count()}
+        new = matched - self._heard
+        self._heard |= new
+        return sorted(new)
+
+    def _subscribe(self, stream: Stream, *, latched: bool) -> None:
+        qos = stream.offered_qos
+        if not latched:
+            qos.durability = DurabilityPolicy.VOLATILE
+        qos.depth = topics.LISTENER_DEPTH
+        self._subscriptions[stream] = self._node.create_subscription(
+            stream.message_type,
+            stream.topic,
+            self._keeper(stream),
+            qos,
+            raw=True,
+            event_callbacks=_NO_EVENTS,
+        )
+
+    def _keeper(self, stream: Stream) -> Callable[[bytes], None]:
+        name = self._node.resolve_topic_name(stream.topic)
+
+        def keep(message: bytes) -> None:
+            if self.failure is not None:
+                return
+            # Readers of an MCAP file without an index want times that never go back.
+            self._last_ns = max(self._last_ns, time.time_ns())
+            try:
+                self._bag.write(name, self._last_ns, message)
+            except BagFullError as error:
+                self.failure = error
+                return
+            self.counts[stream.topic] += 1
+            if stream.topic == topics.EVENTS:
+                self._watch(message)
+
+        return keep
+
+    def _watch(self, message: bytes) -> None:
+        try:
+            packet = parse_events(message)
+        except MessageError as error:
+            self._node.get_logger().warning(
+                f'recorded as it is, but no event packet: {error}', throttle_duration_sec=5.0
+            )
+            return
+        lost = self.index.take(packet)
+        if lost:
+            self._node.get_logger().error(
+                f'{lost} events are missing before {packet.stamp_ns * 1e-9:.6f} s '
+                f'({self.index.lost} in all)'
+            )
+
+
+def _is_latched(qos: QoSProfile) -> bool:
+    return bool(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)

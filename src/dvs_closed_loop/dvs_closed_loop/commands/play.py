@@ -1,0 +1,150 @@
+"""Publish a bag again: the recorded bytes, with their original spacing.
+
+Topics, types and quality of service are those of the wire contract. Ends with the bag or Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
+
+    from dvs_closed_loop.bags.bag import RecordedBag
+    from dvs_closed_loop.bags.streams import Stream
+    from dvs_closed_loop.running.tool_node import ToolNode
+
+_SETTLE_S = 0.5
+_WAIT_TURN_S = 0.1
+_NAME_MISSING_AFTER_S = 2.0
+# Shorter than this, a pause costs more than it is worth.
+_SHORTEST_PAUSE_S = 2e-4
+_LAST_WORDS_S = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `play`.
+
+    Parameters
+    ----------
+    parser
+        Parser to extend.
+    """
+    parser.add_argument('bag', type=Path, help='folder of the bag, or a .mcap or .db3 file')
+    parser.add_argument('--rate', type=float, default=1.0, help='speed relative to the recording')
+    parser.add_argument(
+        '--topics', nargs='+', metavar='TOPIC', help='topics of the wire contract (default: all)'
+    )
+    parser.add_argument(
+        '--wait', action='store_true', help='begin when every played topic has a subscriber'
+    )
+    parser.add_argument(
+        '--delay', type=float, default=0.0, help='seconds to wait before the first message'
+    )
+    parser.add_argument('--from-namespace', help='loop in the bag, where it holds several')
+    parser.add_argument('--namespace', default='', help='namespace to publish into')
+
+
+def run(options: argparse.Namespace) -> int:
+    """Play until the end of the bag; returns the exit code.
+
+    Parameters
+    ----------
+    options
+        Parsed arguments.
+
+    Raises
+    ------
+    SuiteError
+        If the bag can't be read or an argument breaks its rule.
+    """
+    from dvs_closed_loop.bags.bag import read_bag
+    from dvs_closed_loop.bags.streams import STREAMS, chosen_streams
+    from dvs_closed_loop.running.tool_node import tool_node
+    from dvs_common.errors import ParameterError
+
+    if not (math.isfinite(options.rate) and options.rate > 0):
+        raise ParameterError('rate', options.rate, 'must be a finite number > 0')
+    if not (math.isfinite(options.delay) and options.delay >= 0):
+        raise ParameterError('delay', options.delay, 'must be a finite number >= 0')
+    if options.topics is not None:
+        chosen_streams(options.topics)
+    bag = read_bag(options.bag, namespace=options.from_namespace, topics=options.topics)
+    if not bag.messages:
+        raise ParameterError('topics', options.topics, f'have no messages in {options.bag}')
+    with tool_node('bag_player', options.namespace, options.ros_arguments) as tool:
+        publishers = {
+            topic: _publisher(tool, STREAMS[topic], bag)
+            for topic in sorted({message.topic for message in bag.messages})
+        }
+        if options.wait:
+            _wait_for_subscribers(tool, publishers)
+        tool.spin(max(_SETTLE_S, options.delay))
+        sent = _play(bag, publishers, tool, options.rate)
+        _let_arrive(publishers, tool)
+    print(f'{options.bag}: {sent} of {len(bag.messages)} messages played')
+    return 0
+
+
+def _publisher(tool: ToolNode, stream: Stream, bag: RecordedBag) -> Publisher:
+    from dvs_common.wire.topics import history_depth
+
+    qos = stream.offered_qos
+    if qos.depth > 1:
+        qos.depth = history_depth(max(map(len, bag.of(stream.topic))))
+    return tool.node.create_publisher(stream.message_type, stream.topic, qos)
+
+
+def _wait_for_subscribers(tool: ToolNode, publishers: dict[str, Publisher]) -> None:
+    said_at = time.monotonic() + _NAME_MISSING_AFTER_S
+    while not tool.stop.received:
+        lonely = [t for t, p in publishers.items() if not p.get_subscription_count()]
+        if not lonely:
+            return
+        if time.monotonic() > said_at:
+            print(f'waiting for subscribers of {", ".join(lonely)}', file=sys.stderr, flush=True)
+            said_at = math.inf
+        tool.spin(_WAIT_TURN_S)
+
+
+def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: ToolNode, rate: float) -> int:
+    """Publish every message at its instant; return how many were published."""
+    from tqdm import tqdm
+
+    first_ns = bag.messages[0].received_ns
+    started = time.monotonic()
+    with tqdm(
+        total=round(bag.duration_s, 2),
+        desc='playing',
+        bar_format='{desc} {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f} s',
+        file=sys.stderr,
+        disable=None,
+    ) as bar:
+        for sent, message in enumerate(bag.messages):
+            due_s = (message.received_ns - first_ns) * 1e-9
+            _pause_until(started + due_s / rate, tool)
+            if tool.stop.received:
+                return sent
+            publishers[message.topic].publish(message.data)
+            if due_s - bar.n > 0.1:
+                bar.update(due_s - bar.n)
+        bar.update(max(bag.duration_s - bar.n, 0))
+    return len(bag.messages)
+
+
+def _pause_until(deadline: float, tool: ToolNode) -> None:
+    while (left := deadline - time.monotonic()) > _SHORTEST_PAUSE_S and not tool.stop.received:
+        time.sleep(min(left, _WAIT_TURN_S))
+
+
+def _let_arrive(publishers: dict[str, Publisher], tool: ToolNode) -> None:
+    from rclpy.duration import Duration
+
+    if not tool.stop.received:
+        for publisher in publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=_LAST_WORDS_S))

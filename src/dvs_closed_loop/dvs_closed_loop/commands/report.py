@@ -1,0 +1,106 @@
+"""Make figures and one self-contained HTML page of a recorded run, ours or by `ros2 bag`.
+
+The scenario is the one stored in the bag, unless --params-file names another. Written beside the
+bag unless --output names a folder. The exit code is 0 if the report was made.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvs_closed_loop.bags.recorded_run import RecordedRun
+    from dvs_common.scenario.scenario import Scenario
+    from dvs_simulation.judging.verdict import Verdict
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `report`.
+
+    Parameters
+    ----------
+    parser
+        Parser to extend.
+    """
+    parser.add_argument('bag', type=Path, help='folder of the bag, or a .mcap or .db3 file')
+    parser.add_argument('--params-file', type=Path, help='scenario (default: that of the bag)')
+    parser.add_argument('--output', type=Path, help='folder to write to (default: beside the bag)')
+    parser.add_argument('--from-namespace', help='loop in the bag, where it holds several')
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the report; returns the exit code.
+
+    Parameters
+    ----------
+    options
+        Parsed arguments.
+
+    Raises
+    ------
+    SuiteError
+        If the bag can't be read, or its scenario is not known.
+    """
+    from dvs_closed_loop.bags.bag import read_bag
+    from dvs_closed_loop.bags.recorded_run import examine
+    from dvs_closed_loop.reports.report_page import report_page
+    from dvs_common.errors import ParameterError
+    from dvs_common.scenario.scenario import load_scenario
+    from dvs_common.wire.cdr import MessageError
+    from dvs_simulation.judging.figure import PANELS, panel_svg, save_figure
+    from dvs_simulation.output_folder import output_folder
+
+    bag = read_bag(options.bag, namespace=options.from_namespace)
+    scenario = load_scenario(options.params_file) if options.params_file else bag.scenario
+    name = options.params_file.stem if options.params_file else bag.scenario_name
+    try:
+        recorded = examine(bag)
+    except MessageError as error:
+        raise ParameterError('bag', options.bag, f'holds a foreign message: {error}') from None
+    if scenario is None:
+        raise ParameterError(
+            'params-file', None, f'is needed: {options.bag} does not hold its scenario'
+        )
+    verdict = _judged(recorded, scenario, name)
+    output = output_folder(options.output or options.bag.parent)
+    figures = {}
+    if recorded.trace is not None and verdict is not None:
+        figures = {title: panel_svg(title, recorded.trace, scenario, verdict) for title in PANELS}
+        save_figure(recorded.trace, scenario, verdict, output / 'report.png')
+    page = output / 'report.html'
+    page.write_text(
+        report_page(
+            bag=bag,
+            recorded=recorded,
+            scenario=scenario,
+            name=name,
+            verdict=verdict,
+            figures=figures,
+        ),
+        encoding='utf-8',
+    )
+    print(verdict or f'{name}: no sample was recorded whole, so there is no verdict')
+    print(f'  report               {page}')
+    return 0
+
+
+def _judged(recorded: RecordedRun, scenario: Scenario, name: str) -> Verdict | None:
+    from dvs_hinf_controller.design.design import design_from_scenario
+    from dvs_simulation.judging.verdict import judge
+
+    trace = recorded.trace
+    if trace is None:
+        return None
+    design = design_from_scenario(scenario)
+    simulated_s = float(trace.times_s[-1])
+    return judge(
+        trace,
+        scenario,
+        name=name,
+        h_star=design.figures.h_star,
+        wall_seconds=recorded.wall_seconds,
+        interrupted=simulated_s < scenario['duration'] - 1.5 * scenario['sampling_period'],
+        bounds=None if recorded.from_start else scenario.model_reference_bounds,
+    )

@@ -1,0 +1,298 @@
+"""What a live page shows: turns the streams of a running loop into small frames.
+
+Hearing a message costs next to nothing; a frame decodes the few messages that it shows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from dvs_common.errors import SuiteError
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.events import EventPacket, parse_events
+from dvs_common.wire.index_watch import IndexWatch
+from dvs_common.wire.messages import (
+    luminosity_image,
+    parse_array,
+    parse_command,
+    parse_image,
+    parse_state,
+)
+from dvs_common.wire.stamped import stamp_of
+from dvs_hinf_controller.analysis.sector import sector
+
+_SAMPLES_A_FRAME = 12
+_EVENTS_A_FRAME = 400
+_PIXELS_SHOWN = 16
+_STATES_SHOWN = 8
+_RATE_WINDOW_S = 2.0
+# A few frames' worth of messages, lest a stalled page costs memory.
+_MOST_WAITING = 20_000
+# Where the stamp of a header is in CDR bytes.
+_STAMP = slice(4, 12)
+
+Frame = dict[str, Any]
+
+
+class LiveView:
+    """Gathers messages between two frames."""
+
+    def __init__(self) -> None:
+        self._heard: dict[str, deque[bytes]] = {
+            topic: deque(maxlen=_MOST_WAITING)
+            for topic in (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE)
+        }
+        self._estimates: deque[tuple[bytes, bytes]] = deque(maxlen=_MOST_WAITING)
+        self._newest_packet = b''
+        self._luminosities: dict[bytes, bytes] = {}
+        self._marks: deque[tuple[float, int, int, int]] = deque()
+        self._scenario: Scenario | None = None
+        self._bound: FloatArray | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._index = IndexWatch()
+        self._start_ns: int | None = None
+        self._newest_ns = 0
+        self._commands = 0
+        self._luminosities.clear()
+        self._marks.clear()
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics to hear."""
+        return (*self._heard, topics.ESTIMATE)
+
+    @property
+    def has_news(self) -> bool:
+        """Whether anything was heard since the last frame."""
+        return any(self._heard.values())
+
+    def hear(self, topic: str, message: bytes) -> None:
+        """Keep a message for the next frame.
+
+        Parameters
+        ----------
+        topic
+            One of `topics`.
+        message
+            CDR bytes.
+        """
+        if topic == topics.ESTIMATE:
+            # An estimate has no stamp: it answers the newest packet.
+            self._estimates.append((self._newest_packet, message))
+            return
+        if topic == topics.EVENTS:
+            self._newest_packet = message
+        self._heard[topic].append(message)
+
+    def frame(self, scenario: Scenario | None, wall_s: float) -> Frame:
+        """What happened since the last frame, ready for JSON.
+
+        Parameters
+        ----------
+        scenario
+            Parameters of the loop as far as they are known.
+        wall_s
+            Wall-clock time, s.
+        """
+        heard = {topic: list(messages) for topic, messages in self._heard.items()}
+        estimates = list(self._estimates)
+        for waiting in self._heard.values():
+            waiting.clear()
+        self._estimates.clear()
+        try:
+            return self._frame(heard, estimates, scenario, wall_s)
+        except MessageError as error:
+            return {'fault': f'a message breaks the wire contract: {error}'}
+
+    def _frame(
+        self,
+        heard: dict[str, list[bytes]],
+        estimates: list[tuple[bytes, bytes]],
+        scenario: Scenario | None,
+        wall_s: float,
+    ) -> Frame:
+        self._know(scenario)
+        packets = [parse_events(message) for message in heard[topics.EVENTS]]
+        restarted = self._follow_time(heard[topics.STATE], packets)
+        for packet in packets:
+            self._index.take(packet)
+        self._commands += len(heard[topics.COMMAND])
+        states = [parse_state(message) for message in _thinned(heard[topics.STATE])]
+        commands = [parse_command(message) for message in _thinned(heard[topics.COMMAND])]
+        pixels, samples, ratio = self._pixel_samples(heard[topics.LUMINOSITY], estimates)
+        frame: Frame = {
+            'restart': restarted,
+            'time': self._seconds(self._newest_ns),
+            'state': [
+                [self._seconds(v.stamp_ns), *_rounded(v.values[:_STATES_SHOWN])] for v in states
+            ],
+            'error': self._errors(states),
+            'command': [[self._seconds(v.stamp_ns), *_rounded(v.values)] for v in commands],
+            'pixels': pixels,
+            'samples': samples,
+            'ratio': ratio,
+            **self._event_marks(packets),
+            **self._figures(wall_s),
+        }
+        if self._scenario is not None:
+            frame['scenario'] = _described(self._scenario)
+        return frame
+
+    # -- what is known of the scenario ----------------------------------------------------------
+
+    def _know(self, scenario: Scenario | None) -> None:
+        if scenario is None or scenario == self._scenario:
+            return
+        self._scenario = scenario
+        try:
+            self._bound = np.asarray(
+                sector(
+                    scenario.model_reference_bounds,
+                    event_threshold=scenario['event_threshold'],
+                    log_base=scenario['log_base'],
+                ).error_bound
+            )
+        except SuiteError:
+            self._bound = None
+
+    # -- time -----------------------------------------------------------------------------------
+
+    def _follow_time(self, states: list[bytes], packets: list[EventPacket]) -> bool:
+        """Move on to the newest stamp; a stamp before the last one begins a new run."""
+        stamps = [stamp_of(message) for message in (*states[:1], *states[-1:])]
+        stamps += [packet.stamp_ns for packet in (*packets[:1], *packets[-1:])]
+        if not stamps:
+            return False
+        newest = stamps[-1] if packets else max(stamps)
+        restarted = self._start_ns is not None and newest < self._newest_ns
+        if restarted:
+            self._forget()
+        if self._start_ns is None:
+            self._start_ns = newest if restarted else min(stamps)
+        self._newest_ns = max(newest, self._newest_ns)
+        return restarted
+
+    def _seconds(self, stamp_ns: int) -> float:
+        return round((stamp_ns - (self._start_ns or 0)) * 1e-9, 6)
+
+    # -- signals --------------------------------------------------------------------------------
+
+    def _errors(self, states: list[Any]) -> list[list[float]]:
+        if self._scenario is None:
+            return []
+        target = np.array(self._scenario['set_point'])
+        return [
+            [self._seconds(v.stamp_ns), float(f'{np.linalg.norm(v.values - target):.6g}')]
+            for v in states
+            if len(v.values) == len(target)
+        ]
+
+    def _pixel_samples(
+        self, luminosities: list[bytes], estimates: list[tuple[bytes, bytes]]
+    ) -> tuple[list[int], list[list[Any]], float | None]:
+        """Chosen pixels, their y and z at some instants, and the worst sector ratio there."""
+        self._luminosities.update({message[_STAMP]: message for message in luminosities})
+        pixels: list[int] = []
+        samples = []
+        worst: float | None = None
+        for packet, estimate in _thinned(estimates):
+            image = self._luminosities.get(packet[_STAMP])
+            if image is None:
+                continue
+            y = luminosity_image(parse_image(image))
+            z = parse_array(estimate)
+            if len(y) != len(z) or not len(y):
+                continue
+            count = min(len(y), _PIXELS_SHOWN)
+            pixels = [round(k * (len(y) - 1) / max(count - 1, 1)) for k in range(count)]
+            samples.append(
+                [
+                    self._seconds(stamp_of(packet)),
+                    _rounded(y[pixels]),
+                    _rounded(z[pixels]),
+                ]
+            )
+            ratio = self._ratio(y, z)
+            if ratio is not None:
+                worst = ratio if worst is None else max(worst, ratio)
+        for stamp in list(self._luminosities)[:-_SAMPLES_A_FRAME]:
+            del self._luminosities[stamp]
+        return pixels, samples, worst
+
+    def _ratio(self, y: FloatArray, z: FloatArray) -> float | None:
+        scenario, bound = self._scenario, self._bound
+        if scenario is None or bound is None or bound.size not in (1, y.size):
+            return None
+        ratios = np.abs(z - y) / (bound * np.maximum(np.abs(y), 1e-300))
+        if scenario['photoreceptor'] == 'signed_log':
+            ratios = ratios[np.abs(y) >= scenario['dead_band']]
+        ratio = float(ratios.max(initial=0.0))
+        return round(ratio, 5) if math.isfinite(ratio) else None
+
+    def _event_marks(self, packets: list[EventPacket]) -> Frame:
+        full = [packet for packet in packets if len(packet.events)]
+        count = sum(len(packet.events) for packet in full)
+        stride = max(1, -(-count // _EVENTS_A_FRAME))
+        width = self._scenario['pixel_grid'][1] if self._scenario is not None else None
+        marks = []
+        offset = 0
+        for packet in full:
+            chosen = packet.events[(-offset) % stride :: stride]
+            offset += len(packet.events)
+            columns = width or 1 + int(packet.events['x'].max())
+            for event in chosen.tolist():
+                x, y, t, _, polarity, _ = event
+                marks.append([self._seconds(packet.stamp_ns + t), y * columns + x, polarity])
+        return {'events': marks, 'events_a_mark': stride}
+
+    # -- figures --------------------------------------------------------------------------------
+
+    def _figures(self, wall_s: float) -> Frame:
+        mark = (wall_s, self._newest_ns, self._commands, self._index.events)
+        self._marks.append(mark)
+        while wall_s - self._marks[0][0] > _RATE_WINDOW_S:
+            self._marks.popleft()
+        oldest = self._marks[0]
+        seconds = max(mark[0] - oldest[0], 1e-9)
+        return {
+            'real_time_factor': round((mark[1] - oldest[1]) * 1e-9 / seconds, 3),
+            'cycles_per_second': round((mark[2] - oldest[2]) / seconds, 1),
+            'events_per_second': round((mark[3] - oldest[3]) / seconds, 1),
+            'total_events': self._index.events,
+            'on_events': self._index.on_events,
+            'lost_events': self._index.lost,
+        }
+
+
+def _thinned(messages: list[Any]) -> list[Any]:
+    """Return at most `_SAMPLES_A_FRAME` of them, evenly, the last one among them."""
+    if len(messages) <= _SAMPLES_A_FRAME:
+        return messages
+    stride = len(messages) / _SAMPLES_A_FRAME
+    return [messages[round((k + 1) * stride) - 1] for k in range(_SAMPLES_A_FRAME)]
+
+
+def _rounded(values: FloatArray) -> list[float]:
+    return [float(f'{value:.6g}') for value in values.tolist()]
+
+
+def _described(scenario: Scenario) -> Frame:
+    height, width = scenario['pixel_grid']
+    return {
+        'set_point': list(scenario['set_point']),
+        'tolerance': scenario['tolerance'],
+        'event_threshold': scenario['event_threshold'],
+        'pixels': height * width,
+        'mode': scenario['mode'],
+        'method': scenario['method'],
+        'duration': scenario['duration'],
+    }

@@ -1,0 +1,194 @@
+"""Command `closed_loop`: run a scenario as separate nodes, watch it, judge it."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.recorded_run import examine
+from dvs_closed_loop.bags.recording import BagWriter
+from dvs_closed_loop.bags.streams import STREAMS
+from dvs_closed_loop.running.loop_plan import MOVABLE_ROLES, given, loop_plan
+from dvs_closed_loop.running.loop_runner import LoopError, run_loop
+from dvs_closed_loop.running.run_recorder import RECORDED
+from dvs_common.errors import SuiteError
+from dvs_common.node.spin import StopSignal
+from dvs_common.scenario.scenario import load_scenario
+from dvs_common.wire import topics
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_simulation.judging.figure import save_figure
+from dvs_simulation.judging.trace import IncompleteTraceError, Trace, decode_trace
+from dvs_simulation.judging.verdict import Verdict, judge
+from dvs_simulation.output_folder import output_folder
+
+# Files beside a bag that tell of the run in it.
+_OF_A_RUN = ('result.json', 'figure.png', 'report.html', 'report.png')
+
+
+class InterruptedEarly(Exception):
+    """Ctrl-C before the first command: there is nothing to judge."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopRun:
+    """What remains of a run.
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    verdict
+        Its figures.
+    """
+
+    trace: Trace
+    verdict: Verdict
+
+
+def run_scenario(
+    parameter_file: Path,
+    output: Path,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    namespace: str = '',
+    elsewhere: Collection[str] = (),
+    composed: bool = False,
+) -> LoopRun:
+    """Run a scenario and write bag, result and figure into `output`.
+
+    Parameters
+    ----------
+    parameter_file
+        The scenario.
+    output
+        Folder for the results of this scenario; a former run's results in it are replaced.
+    parameters
+        Values that differ from the file.
+    namespace
+        Namespace of the whole loop; empty for none.
+    elsewhere
+        Nodes that are started by somebody else, as on another machine.
+    composed
+        Whether the three nodes share one process.
+
+    Raises
+    ------
+    SuiteError
+        If the scenario is not sound, a node fails or messages were lost.
+    InterruptedEarly
+        If a signal comes before the first command.
+    """
+    parameters = dict(parameters or {})
+    scenario = load_scenario(parameter_file).replace(**parameters)
+    plans = loop_plan(
+        scenario,
+        parameter_file,
+        namespace=namespace,
+        parameters=parameters,
+        elsewhere=elsewhere,
+        composed=composed,
+        plant_waits=True,
+    )
+    design = design_from_scenario(scenario)
+    output_folder(output)
+    bag_path = output / 'bag'
+    if bag_path.exists():
+        shutil.rmtree(bag_path)
+    for name in _OF_A_RUN:
+        (output / name).unlink(missing_ok=True)
+    stop = StopSignal()
+    with BagWriter(bag_path, {topic: STREAMS[topic].type_name for topic in RECORDED}) as bag:
+        bag.keep_scenario(scenario, parameter_file.stem)
+        recorder = run_loop(scenario, plans, bag, stop)
+    if stop.received and not recorder.messages[topics.COMMAND]:
+        raise InterruptedEarly
+    bounds = None
+    try:
+        trace = decode_trace(recorder.messages)
+    except IncompleteTraceError as error:
+        # A run that was cut off may lack the last answer to a sample; any other must be whole.
+        recorded = examine(read_bag(bag_path)) if stop.received else None
+        if recorded is None or recorded.trace is None:
+            raise LoopError(f'the recording is incomplete: {error}') from None
+        trace = recorded.trace
+        bounds = None if recorded.from_start else scenario.model_reference_bounds
+    verdict = judge(
+        trace,
+        scenario,
+        name=parameter_file.stem,
+        h_star=design.figures.h_star,
+        wall_seconds=recorder.wall_seconds,
+        interrupted=stop.received,
+        bounds=bounds,
+    )
+    verdict.save(output / 'result.json')
+    save_figure(trace, scenario, verdict, output / 'figure.png')
+    return LoopRun(trace=trace, verdict=verdict)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='closed_loop',
+        description='Run a scenario as three ROS 2 nodes, record and judge it. The exit code is '
+        '0 if the run regulated and the sector bound held (or was ended by Ctrl-C), 1 if not, and '
+        '2 if a parameter or argument is wrong.',
+    )
+    parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
+    parser.add_argument('--output', type=Path, default=Path('out'), help='folder of the results')
+    parser.add_argument('--duration', type=float, help="simulated seconds, instead of the file's")
+    parser.add_argument('--namespace', default='', help='namespace of the whole loop')
+    parser.add_argument('--mode', help="lockstep or realtime, instead of the file's")
+    parser.add_argument('--method', help="synthesis method, instead of the file's")
+    parser.add_argument(
+        '--elsewhere',
+        nargs='+',
+        default=(),
+        choices=MOVABLE_ROLES,
+        help='nodes that are started by hand, as on another machine',
+    )
+    parser.add_argument('--composed', action='store_true', help='three nodes in one process')
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line of `closed_loop`; returns the exit code.
+
+    Parameters
+    ----------
+    arguments
+        Command line without the program name; `sys.argv` by default.
+    """
+    options = _parser().parse_args(arguments)
+    output = options.output / options.namespace.strip('/') / options.params_file.stem
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        run = run_scenario(
+            options.params_file,
+            output,
+            parameters=given(duration=options.duration, mode=options.mode, method=options.method),
+            namespace=options.namespace,
+            elsewhere=options.elsewhere,
+            composed=options.composed,
+        )
+    except SuiteError as error:
+        print(f'closed_loop: {error}', file=sys.stderr)
+        return error.exit_code
+    except OSError as error:
+        print(f'closed_loop: {error}', file=sys.stderr)
+        return 1
+    except InterruptedEarly:
+        print('interrupted before the first command')
+        return 0
+    finally:
+        rclpy.try_shutdown()
+    print(run.verdict)
+    print(f'  results              {output}/  (bag, result.json, figure.png)')
+    return 0 if run.verdict.passed or run.verdict.interrupted else 1

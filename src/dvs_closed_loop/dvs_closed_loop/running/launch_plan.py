@@ -1,0 +1,214 @@
+"""What `closed_loop.launch.py` starts for given arguments; needs no `launch` to be tested."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+
+from dvs_closed_loop.running.loop_plan import given, loop_plan, scenario_file
+from dvs_common.errors import ParameterError
+from dvs_common.node.node_plan import NodePlan, checked_namespace
+from dvs_common.scenario.parameters import SCHEMA
+from dvs_common.scenario.scenario import load_scenario
+from dvs_common.wire import topics
+
+_RECORDED = (
+    topics.LUMINOSITY,
+    topics.EVENTS,
+    topics.KEYFRAME,
+    topics.THRESHOLD,
+    topics.COMMAND,
+    topics.STATE,
+    topics.ESTIMATE,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaunchArgument:
+    """An argument of the launch file.
+
+    Parameters
+    ----------
+    name
+        Name, as in ``name:=value``.
+    description
+        What it means.
+    default
+        Value where the user gives none.
+    choices
+        Allowed values; empty for free text.
+    """
+
+    name: str
+    description: str
+    default: str = ''
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Viewer:
+    """A program to look at the loop with.
+
+    Parameters
+    ----------
+    package
+        Its package.
+    executable
+        Its executable.
+    layout
+        Name of its layout file in share/dvs_closed_loop/layouts, or empty.
+    layout_option
+        Option that takes the layout.
+    """
+
+    package: str
+    executable: str
+    layout: str = ''
+    layout_option: str = ''
+
+    @property
+    def plan(self) -> NodePlan:
+        """How to start it, with its layout if that is installed."""
+        options: tuple[str, ...] = ()
+        if self.layout:
+            share = Path(get_package_share_directory('dvs_closed_loop'))
+            file = share / 'layouts' / self.layout
+            options = (self.layout_option, str(file)) if file.is_file() else ()
+        return NodePlan(package=self.package, executable=self.executable, options=options)
+
+
+VIEWERS = {
+    'rqt': Viewer(
+        package='rqt_gui',
+        executable='rqt_gui',
+        layout='rqt.perspective',
+        layout_option='--perspective-file',
+    ),
+    'plotjuggler': Viewer(
+        package='plotjuggler',
+        executable='plotjuggler',
+        layout='plotjuggler.xml',
+        layout_option='--layout',
+    ),
+    'foxglove': Viewer(package='foxglove_bridge', executable='foxglove_bridge'),
+}
+
+ARGUMENTS = (
+    LaunchArgument(
+        name='scenario',
+        default='paper_r3',
+        description='Parameter file (YAML), or the name of a scenario of the suite',
+    ),
+    LaunchArgument(name='namespace', description='Namespace of the whole loop'),
+    LaunchArgument(
+        name='mode',
+        choices=('', *SCHEMA['mode'].choices),
+        description="Instead of the scenario's mode",
+    ),
+    LaunchArgument(
+        name='method',
+        choices=('', *SCHEMA['method'].choices),
+        description="Instead of the scenario's synthesis method",
+    ),
+    LaunchArgument(
+        name='elsewhere',
+        description='Nodes that are started elsewhere: event_camera, hinf_controller or both, '
+        'with a blank between',
+    ),
+    LaunchArgument(name='record', description='Folder of a bag to record; empty: none'),
+    LaunchArgument(
+        name='viewer',
+        default='none',
+        choices=('none', *VIEWERS),
+        description='Program to look at the loop with; must be installed',
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaunchPlan:
+    """Everything that the launch file starts.
+
+    Parameters
+    ----------
+    partners
+        Camera and controller, as far as they are not elsewhere.
+    plant
+        The plant; the launch ends with it.
+    recorder
+        Command line that records a bag, or empty.
+    viewer
+        Program to look with, or None.
+    """
+
+    partners: tuple[NodePlan, ...]
+    plant: NodePlan
+    recorder: tuple[str, ...]
+    viewer: NodePlan | None
+
+
+def launch_plan(arguments: Mapping[str, str]) -> LaunchPlan:
+    """Plan of a launch.
+
+    Parameters
+    ----------
+    arguments
+        Values of `ARGUMENTS` by name; defaults where one is missing.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is unknown or its value is not allowed, or the scenario is not sound.
+    """
+    values = {argument.name: argument.default for argument in ARGUMENTS}
+    for name, value in arguments.items():
+        if name not in values:
+            raise ParameterError(name, value, 'is not an argument of closed_loop.launch.py')
+        values[name] = value
+    for argument in ARGUMENTS:
+        if argument.choices and values[argument.name] not in argument.choices:
+            raise ParameterError(
+                argument.name,
+                values[argument.name],
+                f'must be one of {", ".join(argument.choices)}'.replace(' ,', ''),
+            )
+    file = scenario_file(values['scenario'])
+    parameters = given(mode=values['mode'], method=values['method'])
+    *partners, plant = loop_plan(
+        load_scenario(file).replace(**parameters),
+        file,
+        namespace=values['namespace'],
+        parameters=parameters,
+        elsewhere=values['elsewhere'].split(),
+    )
+    viewer = VIEWERS.get(values['viewer'])
+    return LaunchPlan(
+        partners=tuple(partners),
+        plant=plant,
+        recorder=record_command(values['record'], values['namespace']),
+        viewer=viewer.plan if viewer else None,
+    )
+
+
+def record_command(folder: str, namespace: str) -> tuple[str, ...]:
+    """Command line of `ros2 bag record` for the topics of a loop, or nothing.
+
+    Parameters
+    ----------
+    folder
+        Folder of the bag; empty for no recording.
+    namespace
+        Namespace of the loop.
+    """
+    if not folder:
+        return ()
+    prefix = checked_namespace(namespace)
+    names = [f'{prefix}/{topic}' for topic in _RECORDED]
+    clock = prefix + topics.CLOCK
+    return (
+        *('ros2', 'bag', 'record', '--storage', 'mcap', '--output', folder),
+        *(*names, clock, topics.DIAGNOSTICS),
+    )

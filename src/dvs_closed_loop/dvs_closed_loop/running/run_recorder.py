@@ -1,0 +1,128 @@
+"""Hears every topic of a running loop: keeps the messages and writes them to a bag."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from dvs_closed_loop.bags.recording import BagWriter
+from dvs_closed_loop.bags.streams import STREAMS
+from dvs_common.wire import topics
+from dvs_common.wire.events import parse_events
+from dvs_common.wire.stamped import stamp_of
+
+# What the bag of a run holds.
+RECORDED = (
+    topics.LUMINOSITY,
+    topics.EVENTS,
+    topics.COMMAND,
+    topics.STATE,
+    topics.ESTIMATE,
+    topics.CLOCK,
+    topics.KEYFRAME,
+    topics.THRESHOLD,
+    topics.DIAGNOSTICS,
+)
+# What a verdict needs.
+_NEEDED = (
+    topics.LUMINOSITY,
+    topics.EVENTS,
+    topics.COMMAND,
+    topics.STATE,
+    topics.ESTIMATE,
+)
+
+
+class RunRecorder:
+    """Subscribes to the loop's topics before its nodes start.
+
+    Parameters
+    ----------
+    node
+        Node that carries the subscriptions.
+    mode
+        ``lockstep`` or ``realtime``: decides the quality of service.
+    bag
+        Where the messages go as well.
+    """
+
+    def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
+        self._bag = bag
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED}
+        # When the samples came that no command has answered yet, up to the first command.
+        self._sample_times_s: dict[int, float] = {}
+        self._first_sample_s: float | None = None
+        self._last_command_s = 0.0
+        self.event_count = 0
+        self._subscriptions = {
+            topic: node.create_subscription(
+                STREAMS[topic].message_type,
+                topic,
+                self._keeper(topic),
+                _qos(topic, mode),
+                raw=True,
+            )
+            for topic in RECORDED
+        }
+
+    def _keeper(self, topic: str) -> Callable[[bytes], None]:
+        messages = self.messages[topic]
+
+        def keep(message: bytes) -> None:
+            messages.append(message)
+            if topic == topics.COMMAND:
+                self._time_command(message)
+            elif topic == topics.LUMINOSITY and self._first_sample_s is None:
+                self._sample_times_s.setdefault(stamp_of(message), time.perf_counter())
+            elif topic == topics.EVENTS:
+                self.event_count += len(parse_events(message).events)
+            self._bag.write(topic, time.time_ns(), message)
+
+        return keep
+
+    def _time_command(self, message: bytes) -> None:
+        self._last_command_s = time.perf_counter()
+        if self._first_sample_s is None:
+            times = self._sample_times_s
+            self._first_sample_s = times.get(stamp_of(message), self._last_command_s)
+
+    def hears_every_node(self) -> bool:
+        """Whether all topics that a verdict needs are matched with their publishers."""
+        return all(self._subscriptions[topic].get_publisher_count() for topic in _NEEDED)
+
+    @property
+    def count(self) -> int:
+        """Number of messages so far."""
+        return sum(map(len, self.messages.values()))
+
+    def has(self, samples: int) -> bool:
+        """Whether every topic that a verdict needs has been heard so often.
+
+        Parameters
+        ----------
+        samples
+            Number of messages on each.
+        """
+        return all(len(self.messages[topic]) >= samples for topic in _NEEDED)
+
+    @property
+    def wall_seconds(self) -> float:
+        """Wall-clock time from the first sample with a command to the last command, s."""
+        return 0.0 if self._first_sample_s is None else self._last_command_s - self._first_sample_s
+
+
+def _qos(topic: str, mode: str) -> QoSProfile:
+    if topic == topics.CLOCK:
+        return topics.clock_qos()
+    if topic in (topics.EVENTS, topics.COMMAND):
+        qos = topics.handshake_qos(mode)
+    elif topic in (topics.KEYFRAME, topics.THRESHOLD):
+        qos = topics.latched_qos()
+    else:
+        qos = topics.stream_qos()
+    # The loop does not wait for those who only listen: messages queue up here while we write.
+    qos.depth = topics.LISTENER_DEPTH
+    return qos

@@ -1,0 +1,1 @@
+"""What every node is built on: lifecycle, executor loop, health, start plans."""

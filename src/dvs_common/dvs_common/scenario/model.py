@@ -1,0 +1,322 @@
+"""The linear plant, the affine scene that its pixels see, and the set-points it can hold.
+
+Every other package speaks of the plant in these types: the simulator steps it, the controller is
+designed for it and the exact hybrid automaton runs it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dvs_common.errors import ParameterError
+
+FloatArray = NDArray[np.float64]
+
+# Relative tolerance of ranks.
+_RANK_TOLERANCE = 1e-9
+
+
+def finite_array(name: str, value: ArrayLike, *, ndim: int) -> FloatArray:
+    """Read-only float64 copy of `value` with `ndim` axes, all of it finite.
+
+    Parameters
+    ----------
+    name
+        Name that an error message uses.
+    value
+        Anything that NumPy turns into an array of numbers.
+    ndim
+        Number of axes that the array must have.
+
+    Raises
+    ------
+    ParameterError
+        If `value` is not numeric, has another number of axes, or holds NaN or infinity.
+    """
+    try:
+        array = np.array(value, dtype=np.float64, copy=True, order='C')
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(name, value, 'must be an array of numbers') from None
+    if array.ndim != ndim:
+        raise ParameterError(name, value, f'must have {ndim} axes, has {array.ndim}')
+    if not np.isfinite(array).all():
+        raise ParameterError(name, value, 'must be finite')
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantModel:
+    """Plant ``xdot = A x + B u`` whose luminosity varies with ``c'x`` (paper, eq. 1).
+
+    Parameters
+    ----------
+    state_matrix
+        A, shape (n, n), 1/s.
+    input_matrix
+        B, shape (n, m).
+    output_vector
+        c, shape (n,): gradient of the brightness profile.
+
+    Raises
+    ------
+    ParameterError
+        If a shape does not fit, an entry is not finite or c is zero.
+    """
+
+    state_matrix: FloatArray
+    input_matrix: FloatArray
+    output_vector: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the shapes and freeze the arrays."""
+        for name, ndim in (('state_matrix', 2), ('input_matrix', 2), ('output_vector', 1)):
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), ndim=ndim))
+        n = self.output_vector.size
+        if n == 0 or not np.any(self.output_vector):
+            raise ParameterError('output_vector', self.output_vector, 'must not be zero')
+        if self.state_matrix.shape != (n, n):
+            raise ParameterError(
+                'state_matrix',
+                self.state_matrix.shape,
+                f'must be {n} x {n}, since output_vector has {n} entries',
+            )
+        if self.input_matrix.shape[0] != n or self.input_matrix.shape[1] < 1:
+            raise ParameterError(
+                'input_matrix',
+                self.input_matrix.shape,
+                f'must be {n} x m with m >= 1, since output_vector has {n} entries',
+            )
+
+    @property
+    def state_count(self) -> int:
+        """Number of states n."""
+        return int(self.state_matrix.shape[0])
+
+    @property
+    def input_count(self) -> int:
+        """Number of inputs m."""
+        return int(self.input_matrix.shape[1])
+
+    def require_stabilizable(self) -> None:
+        """Raise `ParameterError` if an unstable mode of (A, B) is not reachable."""
+        mode = _uncontrollable_unstable_mode(self.state_matrix, self.input_matrix)
+        if mode is not None:
+            raise ParameterError(
+                'input_matrix',
+                self.input_matrix.tolist(),
+                f'leaves the unstable mode s = {mode:.6g} of state_matrix out of reach: '
+                'the plant is not stabilizable',
+            )
+
+    def require_detectable(self) -> None:
+        """Raise `ParameterError` if an unstable mode of A is not seen by c."""
+        mode = _uncontrollable_unstable_mode(self.state_matrix.T, self.output_vector[:, None])
+        if mode is not None:
+            raise ParameterError(
+                'output_vector',
+                self.output_vector.tolist(),
+                f'does not see the unstable mode s = {mode:.6g} of state_matrix: '
+                'the plant is not detectable',
+            )
+
+    def equilibrium(self, set_point: ArrayLike, *, tolerance: float) -> Equilibrium:
+        """Nearest stabilizable set-point and the input that holds it (paper, below eq. 2).
+
+        A set-point x_d can be held iff it is reachable and ``A x_d`` lies in range(B).
+
+        Parameters
+        ----------
+        set_point
+            Wanted x_d, shape (n,).
+        tolerance
+            Largest accepted residual ``||(I - B B^+) A x_d||`` and distance to the reachable
+            subspace; coefficients printed to a few digits need it.
+
+        Returns
+        -------
+        Equilibrium
+            The orthogonal projection of `set_point` on the stabilizable set-points.
+
+        Raises
+        ------
+        ParameterError
+            If the residual exceeds `tolerance`; the message names the nearest stabilizable point.
+        """
+        wanted = finite_array('set_point', set_point, ndim=1)
+        n = self.state_count
+        if wanted.size != n:
+            raise ParameterError(
+                'set_point', wanted.tolist(), f'must have as many entries as output_vector, {n}'
+            )
+        a, b = self.state_matrix, self.input_matrix
+        pseudo_inverse = np.linalg.pinv(b, rcond=_RANK_TOLERANCE)
+        outside_range = (np.eye(n) - b @ pseudo_inverse) @ a
+        unreachable = _unreachable_basis(a, b).T
+        residual = float(
+            max(np.linalg.norm(outside_range @ wanted), np.linalg.norm(unreachable @ wanted))
+        )
+        nearest = _null_space_projector(np.vstack([outside_range, unreachable])) @ wanted
+        if residual > tolerance:
+            raise ParameterError(
+                'set_point',
+                wanted.tolist(),
+                f'is not stabilizable: its residual {residual:.4g} exceeds set_point_tolerance '
+                f'= {tolerance:g}. The nearest stabilizable set-point is '
+                f'[{", ".join(f"{value:.9g}" for value in nearest)}]',
+            )
+        nearest.setflags(write=False)
+        feedforward = -pseudo_inverse @ a @ nearest
+        feedforward.setflags(write=False)
+        return Equilibrium(state=nearest, feedforward=feedforward, residual=residual)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equilibrium:
+    """A set-point that the plant can hold, and how.
+
+    Parameters
+    ----------
+    state
+        x_d, shape (n,), with ``A x_d`` in range(B).
+    feedforward
+        Input that holds it, ``-B^+ A x_d``, shape (m,) (paper, eq. 3).
+    residual
+        How far the point that the user asked for was from being stabilizable.
+    """
+
+    state: FloatArray
+    feedforward: FloatArray
+    residual: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PixelScene:
+    """Affine scene: pixel i sees ``y_i = c'(x + dx_i)`` (paper, eq. 1).
+
+    All pixels move with the one scalar ``c'x``; pixel i adds the constant ``c'dx_i``.
+
+    Parameters
+    ----------
+    brightness_offsets
+        ``c'dx_i`` of every pixel, shape (r,), row-major over the pixel array.
+    height
+        Rows of the pixel array.
+    width
+        Columns of the pixel array; ``height * width = r``.
+
+    Raises
+    ------
+    ParameterError
+        If the number of offsets is not ``height * width``.
+    """
+
+    brightness_offsets: FloatArray
+    height: int
+    width: int
+
+    def __post_init__(self) -> None:
+        """Check the shape and freeze the array."""
+        offsets = finite_array('pixel_offsets', self.brightness_offsets, ndim=1)
+        object.__setattr__(self, 'brightness_offsets', offsets)
+        if self.height < 1 or self.width < 1 or self.height * self.width != offsets.size:
+            raise ParameterError(
+                'pixel_grid',
+                [self.height, self.width],
+                f'must be positive and hold the {offsets.size} pixels of pixel_offsets',
+            )
+
+    @classmethod
+    def from_offsets(
+        cls, model: PlantModel, pixel_offsets: ArrayLike, *, height: int, width: int
+    ) -> PixelScene:
+        """Scene of the plant `model` seen by pixels displaced by `pixel_offsets`.
+
+        Parameters
+        ----------
+        model
+            Plant with the brightness gradient c.
+        pixel_offsets
+            dx, shape (r, n), row-major over the pixel array.
+        height
+            Rows of the pixel array.
+        width
+            Columns of the pixel array.
+
+        Raises
+        ------
+        ParameterError
+            If `pixel_offsets` does not have n columns or ``height * width`` rows.
+        """
+        offsets = finite_array('pixel_offsets', pixel_offsets, ndim=2)
+        if offsets.shape[1] != model.state_count:
+            raise ParameterError(
+                'pixel_offsets', offsets.shape, f'must have {model.state_count} columns'
+            )
+        return cls(brightness_offsets=offsets @ model.output_vector, height=height, width=width)
+
+    @property
+    def pixel_count(self) -> int:
+        """Number of pixels r."""
+        return int(self.brightness_offsets.size)
+
+    def luminosity(self, model: PlantModel, state: ArrayLike) -> FloatArray:
+        """Luminosity ``y_i = c'x + c'dx_i`` of every pixel, shape (r,).
+
+        Parameters
+        ----------
+        model
+            Plant with the brightness gradient c.
+        state
+            Plant state x in original coordinates, shape (n,).
+        """
+        return float(model.output_vector @ np.asarray(state, dtype=np.float64)) + (
+            self.brightness_offsets
+        )
+
+
+def _uncontrollable_unstable_mode(a: FloatArray, b: FloatArray) -> complex | None:
+    """An unstable eigenvalue of what the staircase leaves over, if there is one.
+
+    A rank test at each eigenvalue of A would miss a mode out of reach in a Jordan chain: such
+    eigenvalues come with errors of ``eps^(1/k)``.
+    """
+    scale = max(1.0, float(np.linalg.norm(a, 2)))
+    unreachable = _unreachable_basis(a, b)
+    for mode in np.linalg.eigvals(unreachable.T @ a @ unreachable):
+        if mode.real >= -_RANK_TOLERANCE * scale:
+            return complex(mode)
+    return None
+
+
+def _unreachable_basis(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Orthonormal basis of what is orthogonal to the reachable subspace, shape (n, n - k).
+
+    The reachable subspace grows from range(B) by A (staircase: Dooren, IEEE TAC 26(1), 1981).
+    """
+    scale = max(1.0, float(np.linalg.norm(a, 2)))
+    basis: Any = _orthonormal_basis(b)
+    while 0 < basis.shape[1] < a.shape[0]:
+        grown = _orthonormal_basis(np.hstack([basis, a @ basis / scale]))
+        if grown.shape[1] == basis.shape[1]:
+            break
+        basis = grown
+    complement: Any = np.linalg.svd(basis, full_matrices=True)[0][:, basis.shape[1] :]
+    return np.asarray(complement)
+
+
+def _orthonormal_basis(matrix: FloatArray) -> FloatArray:
+    u, s, _ = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(s > _RANK_TOLERANCE * max(float(s[0]), 1e-300)))
+    return u[:, :rank]
+
+
+def _null_space_projector(matrix: FloatArray) -> FloatArray:
+    _, s, vt = np.linalg.svd(matrix, full_matrices=True)
+    rank = int(np.sum(s > _RANK_TOLERANCE * max(1.0, float(s[0]))))
+    null = vt[rank:]
+    return np.asarray(null.T @ null)

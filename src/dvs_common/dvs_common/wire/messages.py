@@ -1,0 +1,374 @@
+"""The other messages of the loop as CDR bytes: images, joint states, arrays, clock."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_common.scenario.model import FloatArray
+from dvs_common.wire.cdr import CdrReader, CdrWriter, MessageError
+from dvs_common.wire.events import FRAME_ID
+from dvs_common.wire.stamped import BODY, Memo, stamp_of, stamped
+
+# The sequences of a JointState; all but one are empty in the loop's messages.
+_PARTS = ('position', 'velocity', 'effort')
+_NO_DOUBLES = bytes(8)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageFormat:
+    """What is the same in all images of a stream.
+
+    Parameters
+    ----------
+    height
+        Rows.
+    width
+        Columns.
+    encoding
+        Encoding as in sensor_msgs/image_encodings.
+    big_endian
+        Byte order of multi-byte pixels.
+    step
+        Bytes a row.
+    """
+
+    height: int
+    width: int
+    encoding: str
+    big_endian: bool
+    step: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageFrame:
+    """A sensor_msgs/Image with its pixels still in wire form.
+
+    Parameters
+    ----------
+    stamp_ns
+        Sample time, ns.
+    format
+        Size and encoding.
+    data
+        Bytes, ``height * step`` of them.
+    """
+
+    stamp_ns: int
+    format: ImageFormat
+    data: memoryview
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vector:
+    """A stamped vector of named doubles: what ``command`` and ``state`` carry.
+
+    Parameters
+    ----------
+    stamp_ns
+        Sample time, ns.
+    names
+        Names of the entries.
+    values
+        Entries, shape (len(names),).
+    """
+
+    stamp_ns: int
+    names: tuple[str, ...]
+    values: FloatArray
+
+
+def pack_image(stamp_ns: int, pixels: NDArray[np.generic], encoding: str) -> bytes:
+    """Serialized sensor_msgs/Image.
+
+    Parameters
+    ----------
+    stamp_ns
+        Sample time, ns.
+    pixels
+        Array of shape (height, width) or (height, width, channels), little-endian.
+    encoding
+        Encoding as in sensor_msgs/image_encodings.
+    """
+    head = _image_head(pixels.shape[0], pixels.shape[1], encoding, pixels.nbytes)
+    octets = np.ascontiguousarray(pixels).data
+    return stamped(stamp_ns, head, octets, bytes(-pixels.nbytes % 4))
+
+
+@functools.lru_cache(maxsize=16)
+def _image_head(height: int, width: int, encoding: str, size: int) -> bytes:
+    writer = CdrWriter()
+    writer.stamp(0)
+    writer.text(FRAME_ID)
+    writer.u32(height)
+    writer.u32(width)
+    writer.text(encoding)
+    writer.u8(0)
+    writer.u32(size // height)
+    writer.u32(size)
+    return writer.finish()[BODY:]
+
+
+def parse_image(message: bytes) -> ImageFrame:
+    """Frame of a serialized sensor_msgs/Image; the pixels are not copied.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the message is cut short or its data does not fill its rows.
+    """
+    stamp_ns = stamp_of(message)
+    head = image_head(message)
+    data = memoryview(message)[head.start : head.end]
+    return ImageFrame(stamp_ns=stamp_ns, format=head.format, data=data)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageHead:
+    """Where the data of a serialized image stand, and how they are to be read.
+
+    Parameters
+    ----------
+    start
+        Where the data begin in the message, bytes.
+    end
+        Where they end.
+    format
+        Size and encoding.
+    """
+
+    start: int
+    end: int
+    format: ImageFormat
+
+
+_known_images: Memo[ImageHead] = Memo()
+
+
+def image_head(message: bytes) -> ImageHead:
+    """Find the data of a serialized sensor_msgs/Image.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the message is cut short or its data does not fill its rows.
+    """
+    head = _known_images.find(message) or _read_image_head(message)
+    if len(message) < head.end:
+        raise MessageError(f'image ends {head.end - len(message)} bytes too early')
+    return head
+
+
+def _read_image_head(message: bytes) -> ImageHead:
+    reader = CdrReader(message)
+    reader.stamp()
+    reader.text()
+    form = ImageFormat(
+        height=reader.u32(),
+        width=reader.u32(),
+        encoding=reader.text(),
+        big_endian=bool(reader.u8()),
+        step=reader.u32(),
+    )
+    size = reader.u32()
+    if size != form.height * form.step:
+        raise MessageError(
+            f'{form.height} rows of {form.step} bytes do not fit {size} bytes of data'
+        )
+    head = ImageHead(start=reader.position, end=reader.position + size, format=form)
+    _known_images.add(message, head.start, head)
+    return head
+
+
+def luminosity_image(frame: ImageFrame) -> FloatArray:
+    """Pixels of a `64FC1` frame, shape (height * width,).
+
+    Parameters
+    ----------
+    frame
+        Frame from `parse_image`.
+
+    Raises
+    ------
+    MessageError
+        If the encoding is another one or the rows are not packed.
+    """
+    form = frame.format
+    if form.encoding != '64FC1' or form.big_endian or form.step != 8 * form.width:
+        raise MessageError(
+            f'luminosity must be little-endian 64FC1 with packed rows, is {form.encoding}'
+        )
+    return np.frombuffer(frame.data, dtype='<f8')
+
+
+def pack_state(vector: Vector) -> bytes:
+    """Serialized sensor_msgs/JointState with the values in ``position``.
+
+    Parameters
+    ----------
+    vector
+        State of the plant.
+    """
+    head = _joint_head(vector.names, 'position', vector.values.size)
+    return stamped(vector.stamp_ns, head, vector.values.tobytes(), _NO_DOUBLES)
+
+
+def pack_command(vector: Vector) -> bytes:
+    """Serialized sensor_msgs/JointState with the values in ``effort``.
+
+    Parameters
+    ----------
+    vector
+        Input u_o of the plant.
+    """
+    head = _joint_head(vector.names, 'effort', vector.values.size)
+    return stamped(vector.stamp_ns, head, vector.values.tobytes())
+
+
+@functools.lru_cache(maxsize=16)
+def _joint_head(names: tuple[str, ...], part: str, count: int) -> bytes:
+    writer = CdrWriter()
+    writer.stamp(0)
+    writer.text('')
+    writer.texts(names)
+    for _ in _PARTS[: _PARTS.index(part)]:
+        writer.u32(0)
+    writer.u32(count)
+    if count:
+        writer.align(8)
+    return writer.finish()[BODY:]
+
+
+def parse_state(message: bytes) -> Vector:
+    """Names and ``position`` of a serialized sensor_msgs/JointState.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the message is cut short or names and values differ in number.
+    """
+    return _parse_joint_state(message, 'position')
+
+
+def parse_command(message: bytes) -> Vector:
+    """Names and ``effort`` of a serialized sensor_msgs/JointState.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the message is cut short or names and values differ in number.
+    """
+    return _parse_joint_state(message, 'effort')
+
+
+@dataclass(frozen=True, slots=True)
+class _Entries:
+    """Where the values of a JointState stand, and what they are called."""
+
+    start: int
+    # Bytes of a message that is whole.
+    size: int
+    part: str
+    names: tuple[str, ...]
+
+
+_known_joints: Memo[_Entries] = Memo()
+
+
+def _parse_joint_state(message: bytes, part: str) -> Vector:
+    stamp_ns = stamp_of(message)
+    known = _known_joints.find(message)
+    if known is None or known.part != part or len(message) < known.size:
+        known = _read_joint_head(message, part)
+    values = np.frombuffer(message, '<f8', len(known.names), known.start)
+    return Vector(stamp_ns=stamp_ns, names=known.names, values=values)
+
+
+def _read_joint_head(message: bytes, part: str) -> _Entries:
+    reader = CdrReader(message)
+    reader.stamp()
+    reader.text()
+    names = reader.texts()
+    counts, ends = [], []
+    for _ in _PARTS:
+        counts.append(reader.doubles().size)
+        ends.append(reader.position)
+    which = _PARTS.index(part)
+    count, end = counts[which], ends[which]
+    if count != len(names):
+        raise MessageError(f'{len(names)} names but {count} entries of {part}')
+    entries = _Entries(end - 8 * count, ends[-1], part, names)
+    if not any(counts[:which]) and not any(counts[which + 1 :]):
+        _known_joints.add(message, entries.start, entries)
+    return entries
+
+
+def pack_array(values: FloatArray) -> bytes:
+    """Serialized std_msgs/Float64MultiArray without dimensions.
+
+    Parameters
+    ----------
+    values
+        Entries, shape (k,).
+    """
+    writer = CdrWriter()
+    writer.u32(0)
+    writer.u32(0)
+    writer.doubles(values)
+    return writer.finish()
+
+
+def parse_array(message: bytes) -> FloatArray:
+    """Data of a serialized std_msgs/Float64MultiArray.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If the message is cut short.
+    """
+    reader = CdrReader(message)
+    for _ in range(reader.u32()):
+        reader.text()
+        reader.u32()
+        reader.u32()
+    reader.u32()
+    return reader.doubles()
+
+
+def pack_clock(stamp_ns: int) -> bytes:
+    """Serialized rosgraph_msgs/Clock.
+
+    Parameters
+    ----------
+    stamp_ns
+        Simulated time, ns.
+    """
+    return stamped(stamp_ns)

@@ -1,0 +1,27 @@
+"""Quality of service of the wire contract."""
+
+import pytest
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
+
+from dvs_common.wire import topics
+
+
+@pytest.mark.parametrize(
+    ('size', 'depth'), [(16, 4000), (16_000, 4000), (160_000, 400), (1280 * 720 * 16, 100)]
+)
+def test_a_listener_may_be_away_for_long_where_messages_are_small(size, depth):
+    assert topics.history_depth(size) == depth
+    assert depth == 100 or depth * size <= 64e6
+
+
+@pytest.mark.parametrize(
+    ('mode', 'durability'),
+    [('lockstep', DurabilityPolicy.TRANSIENT_LOCAL), ('realtime', DurabilityPolicy.VOLATILE)],
+)
+def test_only_the_token_of_lockstep_waits_for_a_late_reader(mode, durability):
+    qos = topics.handshake_qos(mode, 7)
+
+    assert (qos.durability, qos.depth) == (durability, 7)
+    assert (qos.reliability, qos.history) == (ReliabilityPolicy.RELIABLE, HistoryPolicy.KEEP_LAST)
+    assert topics.stream_qos().durability == DurabilityPolicy.VOLATILE
+    assert topics.handshake_qos(mode).depth == topics.stream_qos().depth == 100

@@ -1,0 +1,1 @@
+"""The pixel model: levels in, threshold crossings out, ideal or imperfect, compiled or not."""

@@ -1,0 +1,47 @@
+"""The compiled kernels, if this machine has them."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from typing import Any
+
+from dvs_common.errors import ParameterError
+
+BACKENDS = ('auto', 'numba', 'numpy')
+
+
+@cache
+def kernels() -> Any | None:
+    """Module `crossings_numba`; None if numba is not installed or finds no place for its cache."""
+    try:
+        return importlib.import_module('dvs_event_camera.pixels.crossings_numba')
+    except (ImportError, RuntimeError):
+        return None
+
+
+def kernels_for(backend: str, size: int, *, worth: int) -> Any | None:
+    """Kernels for an amount of work, or None where NumPy is to do it.
+
+    Parameters
+    ----------
+    backend
+        `numba`, `numpy`, or `auto`: numba if it is there and the work is worth it.
+    size
+        Amount of work.
+    worth
+        Amount from which compiled code pays: importing numba takes a second.
+
+    Raises
+    ------
+    ParameterError
+        If `backend` is unknown or not installed.
+    """
+    if backend not in BACKENDS:
+        raise ParameterError('backend', backend, f'must be one of {", ".join(BACKENDS)}')
+    if backend == 'numpy' or (backend == 'auto' and size < worth):
+        return None
+    found = kernels()
+    if found is None and backend == 'numba':
+        raise ParameterError('backend', backend, 'needs the Python package numba')
+    return found

@@ -1,0 +1,336 @@
+"""The pixels of an event camera: samples of luminosity in, events out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
+from dvs_event_camera.pixels.comparators import Comparator, NumpyComparator, ideal_comparator
+from dvs_event_camera.pixels.delay_line import DelayLine
+from dvs_event_camera.pixels.hermite import HermiteComparator
+from dvs_event_camera.pixels.imperfect_comparator import ImperfectComparator, NoiseLabels
+from dvs_event_camera.pixels.imperfections import Imperfections
+from dvs_event_camera.pixels.level_stages import Leak, LevelStage, level_stages
+from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photoreceptor
+from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.pixels.references import (
+    initial_references,
+    reference_levels,
+    require_silent_start,
+)
+from dvs_event_camera.pixels.signed_crossings import SignedComparator
+from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
+
+# Pixels worked on at a time, so that their levels stay in the processor's cache.
+_TILE = 32768
+# Position of a level, in steps from its reference, at which a pixel is about to fire.
+_INSIDE = 1 - 1e-9
+
+
+class PixelArray:
+    """r pixels that fire when the log luminosity has moved by h since their last event (eq. 5).
+
+    A pixel's reference is ``q = s q0 b^(N h)`` with the **integer** N, the sum of its polarities:
+    nothing accumulates, so sensor and estimator agree bit for bit for ever. Events of an interval
+    are those in ``(t_prev, t_now]``, stamped to the nanosecond at which the interpolated level has
+    crossed the threshold.
+
+    Parameters
+    ----------
+    event_threshold
+        h > 0, in logarithms to the base b.
+    log_base
+        b > 1.
+    photoreceptor
+        How luminosity becomes a level; `LogPhotoreceptor()` is the paper's.
+    bounds
+        m and M of every pixel; None takes them around the first sample.
+    reference_uncertainty
+        dy of the bounds around the first sample, in the unit of luminosity (unused with `bounds`).
+    initial_reference
+        `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start.
+    seed
+        Of every random draw.
+    interpolation
+        `linear_log`: the level is linear in time between samples; `hermite`: a monotone cubic.
+    imperfections
+        Non-idealities; None for the ideal pixel of the paper.
+    label_noise
+        Whether events carry labels that tell noise from signal.
+    backend
+        `numba`, `numpy` or `auto` (numba where it is installed and pays): same results.
+
+    Raises
+    ------
+    ParameterError
+        If h, b, the uncertainty or the kind of reference is out of range.
+    """
+
+    def __init__(
+        self,
+        *,
+        event_threshold: float,
+        log_base: float = math.e,
+        photoreceptor: Photoreceptor | None = None,
+        bounds: ReferenceBounds | None = None,
+        reference_uncertainty: float = 0.0,
+        initial_reference: str = 'luminosity',
+        seed: int = 0,
+        interpolation: str = 'linear_log',
+        imperfections: Imperfections | None = None,
+        label_noise: bool = False,
+        backend: str = 'auto',
+    ) -> None:
+        self._step = threshold_step(event_threshold, log_base)
+        self._log_base = log_base
+        self._invalid_before = 0
+        self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
+        self._imperfections = imperfections or Imperfections()
+        self._interpolation = interpolation
+        self._label_noise = label_noise
+        self._check_modes()
+        self._explicit_bounds = bounds
+        self._uncertainty = reference_uncertainty
+        self._initial_reference = initial_reference
+        self._seed = seed
+        self._backend = backend
+        self._stamp_ns: int | None = None
+        self._silent_frame: list[float] | None = None
+        self._comparator: Comparator
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """Stamp of the last sample, ns; None before the first."""
+        return self._stamp_ns
+
+    @property
+    def counts(self) -> NDArray[np.int32]:
+        """N, the sum of polarities given out since the first sample, shape (r,); a copy."""
+        counts = self._comparator.counts.copy()
+        if self._delay is not None:
+            counts -= self._delay.held_counts(counts.size).astype(np.int32)
+        return counts
+
+    @property
+    def signs(self) -> NDArray[np.int8]:
+        """Sign s of every reference, shape (r,); a copy. All +1 but with `signed_log`."""
+        return self._comparator.signs.copy()
+
+    @property
+    def bounds(self) -> ReferenceBounds:
+        """Bounds m and M that were checked at the first sample."""
+        return self._bounds
+
+    @property
+    def reference_levels(self) -> FloatArray:
+        """Level of every reference (log |q|), shape (r,)."""
+        return self._origin + self._comparator.counts * self._step
+
+    @property
+    def invalid_samples(self) -> int:
+        """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
+        return self._invalid_before + self._comparator.invalid
+
+    def require_changeable_threshold(self) -> None:
+        """Raise `ParameterError` unless the threshold of these pixels can change on the way."""
+        ideal = self._interpolation == 'linear_log' and not self._imperfections.any
+        if not ideal or self._receptor.dead_band is not None:
+            raise ParameterError(
+                'event_threshold',
+                'new value',
+                'can change on the way for ideal pixels with linear_log interpolation only; '
+                'deactivate event_camera first',
+            )
+
+    def change_event_threshold(self, event_threshold: float) -> None:
+        """Fire at another threshold from now on: references stay, counting starts again at zero.
+
+        Where the level is already farther from its reference than the new threshold, the pixel
+        fires in the next interval.
+
+        Parameters
+        ----------
+        event_threshold
+            New h.
+
+        Raises
+        ------
+        ParameterError
+            If h is out of range or the pixels are not ideal ones.
+        """
+        self.require_changeable_threshold()
+        step = threshold_step(event_threshold, self._log_base)
+        self._catch_up()
+        comparator = self._comparator
+        assert isinstance(comparator, NumpyComparator)
+        origin = self.reference_levels
+        distance = (comparator.positions - comparator.counts) * self._step
+        position = np.clip(distance / step, -_INSIDE, _INSIDE)
+        self._invalid_before += comparator.invalid
+        self._origin, self._step = origin, step
+        self._comparator = ideal_comparator(self._backend, origin + position * step, origin, step)
+        self._band = self._silent_band()
+
+    def update(self, stamp_ns: int, luminosity: ArrayLike) -> PixelEvents:
+        """Take the next sample and return the events since the last one.
+
+        The first sample starts the array: it checks (A1), sets the references and emits nothing.
+        Where a later sample has no meaning to the photoreceptor the pixel keeps its last value.
+
+        Parameters
+        ----------
+        stamp_ns
+            Time of the sample, ns, later than the last one.
+        luminosity
+            y, shape (r,) (or any shape with r entries, row-major).
+
+        Returns
+        -------
+        PixelEvents
+            Events in ``(last stamp, stamp_ns]``, sorted by (t, pixel).
+
+        Raises
+        ------
+        ParameterError
+            If the first sample violates (A1), or a later one is not later or has another size.
+        """
+        sample = np.asarray(luminosity).reshape(-1)
+        if self._stamp_ns is None:
+            self._start(sample.astype(np.float64))
+            self._first_ns = self._exposed_ns = self._stamp_ns = stamp_ns
+            return PixelEvents.empty()
+        if sample.size != self._origin.size:
+            raise ParameterError(
+                'luminosity', sample.size, f'must have {self._origin.size} entries, as before'
+            )
+        if stamp_ns <= self._stamp_ns:
+            raise ParameterError(
+                'stamp_ns', stamp_ns, f'must be later than the last, {self._stamp_ns}'
+            )
+        if self._band is None:
+            events = self._expose(stamp_ns, sample)
+        else:
+            events = self._expose_small(self._band, stamp_ns, sample)
+        self._stamp_ns = stamp_ns
+        return events
+
+    def _expose_small(
+        self, band: SilentBand, stamp_ns: int, sample: NDArray[np.generic]
+    ) -> PixelEvents:
+        """Expose the pixels, but leave a frame in the silent band for later."""
+        luminosity = sample.tolist()
+        if band.holds(luminosity):
+            self._silent_frame = luminosity
+            return PixelEvents.empty()
+        self._catch_up()
+        events = self._expose(stamp_ns, sample)
+        self._band = self._silent_band()
+        return events
+
+    def _catch_up(self) -> None:
+        """Let the comparators see the last silent frame."""
+        if self._silent_frame is not None:
+            assert self._stamp_ns is not None
+            self._expose(self._stamp_ns, np.array(self._silent_frame))
+            self._silent_frame = None
+
+    def _silent_band(self) -> SilentBand | None:
+        """Where these pixels are silent; None if they are many or not the ideal ones."""
+        ideal = (
+            type(self._comparator) is NumpyComparator
+            and isinstance(self._receptor, LogPhotoreceptor)
+            and self._labels is None
+            and self._delay is None
+            and not self._stages
+        )
+        if not ideal or self._origin.size > LARGEST_ARRAY:
+            return None
+        return SilentBand(self.reference_levels, self._step)
+
+    def _expose(self, stamp_ns: int, sample: NDArray[np.generic]) -> PixelEvents:
+        """Events since the frame that the comparators saw last."""
+        duration_ns = stamp_ns - self._exposed_ns
+        elapsed_ns = stamp_ns - self._first_ns
+        self._comparator.begin(self._exposed_ns, duration_ns)
+        self._exposed_ns = stamp_ns
+        for first in range(0, sample.size, _TILE):
+            levels = self._tile_levels(sample[first : first + _TILE])
+            for stage in self._stages:
+                stage.apply(levels, first, elapsed_ns, duration_ns)
+            self._comparator.fire(levels, first)
+        events = self._comparator.finish()
+        if self._labels is not None:
+            leak = next((stage for stage in self._stages if isinstance(stage, Leak)), None)
+            events = self._labels.label(events, leak.due(elapsed_ns) if leak else None)
+        if self._delay is not None:
+            events = self._delay.pass_through(events, stamp_ns)
+        return events
+
+    def _start(self, sample: FloatArray) -> None:
+        sample = self._receptor.floored(sample)
+        bounds = self._explicit_bounds or ReferenceBounds.around(sample, self._uncertainty)
+        require_silent_start(bounds, sample, self._receptor, self._step)
+        references = initial_references(self._initial_reference, bounds, sample, self._seed)
+        self._bounds = bounds
+        self._origin = reference_levels(self._receptor, references)
+        self._build(sample)
+        self._scratch = np.empty(min(_TILE, sample.size))
+        self._band = self._silent_band()
+
+    def _check_modes(self) -> None:
+        if self._interpolation not in ('linear_log', 'hermite'):
+            raise ParameterError(
+                'interpolation', self._interpolation, 'must be linear_log or hermite'
+            )
+        hermite = self._interpolation == 'hermite'
+        if self._receptor.dead_band is not None and (hermite or self._imperfections.any):
+            raise ParameterError(
+                'photoreceptor',
+                'signed_log',
+                'is no real sensor: it has neither imperfections nor hermite interpolation',
+            )
+        if hermite and self._imperfections.change_comparators:
+            raise ParameterError(
+                'interpolation',
+                self._interpolation,
+                'must be linear_log with threshold_mismatch, refractory_period or shot_noise_rate',
+            )
+
+    def _build(self, sample: FloatArray) -> None:
+        """Make comparators, stages and delay line; every random draw has a stream of its own."""
+        wanted = self._imperfections
+        streams = [np.random.default_rng([self._seed, number]) for number in range(3)]
+        self._stages: list[LevelStage] = []
+        band = self._receptor.dead_band
+        if band is not None:
+            self._comparator = SignedComparator(sample, self._origin, self._step, band)
+        else:
+            levels = self._receptor.levels(sample)
+            self._comparator = self._comparator_for(levels, streams[0])
+            if wanted.change_levels:
+                self._stages = level_stages(wanted, levels, self._step, streams[1])
+        self._labels = NoiseLabels.of(sample.size) if self._label_noise else None
+        self._delay = (
+            DelayLine(wanted.latency * 1e9, wanted.jitter * 1e9, streams[2])
+            if wanted.delay_events
+            else None
+        )
+
+    def _comparator_for(self, levels: FloatArray, rng: np.random.Generator) -> Comparator:
+        if self._imperfections.change_comparators:
+            return ImperfectComparator(levels, self._origin, self._step, self._imperfections, rng)
+        if self._interpolation == 'hermite':
+            return HermiteComparator(levels, self._origin, self._step)
+        return ideal_comparator(self._backend, levels, self._origin, self._step)
+
+    def _tile_levels(self, tile: NDArray[np.generic]) -> FloatArray:
+        scratch = self._scratch[: tile.size]
+        luminosity = np.asarray(tile, dtype=np.float64)
+        if self._receptor.dead_band is not None:
+            return luminosity
+        return self._receptor.levels(luminosity, out=scratch)

@@ -1,0 +1,127 @@
+"""The trigger references at the start: where they may lie (A1) and where they do."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_event_camera.pixels.photoreceptor import Photoreceptor
+
+InitialReference = Literal['luminosity', 'lower', 'upper', 'random']
+
+
+def reference_levels(photoreceptor: Photoreceptor, reference: FloatArray) -> FloatArray:
+    """Level of a reference ``|q| > 0``.
+
+    Parameters
+    ----------
+    photoreceptor
+        How luminosity becomes a level.
+    reference
+        ``|q|``, shape (r,).
+    """
+    if photoreceptor.dead_band is not None:
+        return np.asarray(np.log(reference))
+    return photoreceptor.levels(reference)
+
+
+def require_silent_start(
+    bounds: ReferenceBounds, luminosity: FloatArray, photoreceptor: Photoreceptor, step: float
+) -> None:
+    """Check (A1): whatever ``q(0)`` in ``[m, M]`` is, no pixel fires at the first sample.
+
+    Parameters
+    ----------
+    bounds
+        m and M, shape (r,).
+    luminosity
+        First sample y(0), shape (r,).
+    photoreceptor
+        How luminosity becomes a level.
+    step
+        Threshold as a change of the level, ``h ln b``.
+
+    Raises
+    ------
+    ParameterError
+        If y(0) has no level, the number of pixels differs, or some pixel would fire; names the
+        pixel and the numbers.
+    """
+    if bounds.lower.size != luminosity.size:
+        raise ParameterError(
+            'reference_lower',
+            bounds.lower.size,
+            f'must have {luminosity.size} entries, one a pixel',
+        )
+    level = photoreceptor.levels(luminosity)
+    if (bad := np.flatnonzero(~np.isfinite(level))).size:
+        i = int(bad[0])
+        raise ParameterError(
+            'luminosity',
+            float(luminosity[i]),
+            f'of pixel {i} has no logarithm at the first sample (paper, A1); {bad.size} of '
+            f'{level.size} pixels are so',
+        )
+    above = level - reference_levels(photoreceptor, bounds.lower)
+    below = reference_levels(photoreceptor, bounds.upper) - level
+    for name, limit, gap in (
+        ('reference_lower', bounds.lower, above),
+        ('reference_upper', bounds.upper, below),
+    ):
+        if (bad := np.flatnonzero(~(gap < step))).size:
+            i = int(bad[0])
+            raise ParameterError(
+                name,
+                float(limit[i]),
+                f'of pixel {i} lies {gap[i] / step:.6g} thresholds from its first luminosity '
+                f'{luminosity[i]:.9g}, so the pixel could fire at the first sample: must be less '
+                f'than 1 (paper, A1)',
+            )
+
+
+def initial_references(
+    kind: str, bounds: ReferenceBounds, luminosity: FloatArray, seed: int
+) -> FloatArray:
+    """``|q(0)|`` of every pixel, shape (r,).
+
+    Parameters
+    ----------
+    kind
+        `luminosity` (``|y(0)|``), `lower` (m), `upper` (M) or `random` (log-uniform in [m, M]).
+    bounds
+        m and M, shape (r,).
+    luminosity
+        First sample y(0), shape (r,).
+    seed
+        Of the random references.
+
+    Raises
+    ------
+    ParameterError
+        If `kind` is unknown, or is `luminosity` and ``|y(0)|`` of a pixel lies outside [m, M].
+    """
+    if kind not in get_args(InitialReference):
+        raise ParameterError(
+            'initial_reference', kind, f'must be one of {", ".join(get_args(InitialReference))}'
+        )
+    if kind == 'lower':
+        return bounds.lower.copy()
+    if kind == 'upper':
+        return bounds.upper.copy()
+    if kind == 'random':
+        fraction = np.random.default_rng(seed).random(bounds.lower.size)
+        return bounds.lower * (bounds.upper / bounds.lower) ** fraction
+    reference = np.abs(luminosity)
+    if (bad := np.flatnonzero((reference < bounds.lower) | (reference > bounds.upper))).size:
+        i = int(bad[0])
+        raise ParameterError(
+            'initial_reference',
+            kind,
+            f'|y(0)| = {reference[i]:.9g} of pixel {i} lies outside its bounds '
+            f'[{bounds.lower[i]:.9g}, {bounds.upper[i]:.9g}] (paper, A1)',
+        )
+    return reference

@@ -1,0 +1,54 @@
+"""Luminosities at which a small pixel array has nothing to say.
+
+Most frames of a small array hold no event, and NumPy's fixed costs exceed the work: two
+comparisons a pixel tell such a frame without a logarithm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dvs_common.scenario.model import FloatArray
+
+# Pixels up to which plain comparisons are cheaper than NumPy's.
+LARGEST_ARRAY = 32
+# Keeps the band away from the thresholds by far more than a logarithm is rounded.
+_MARGIN = 1e-9
+
+
+class SilentBand:
+    """Between its borders no pixel is near a threshold.
+
+    Parameters
+    ----------
+    reference_levels
+        Natural logarithms of the references, shape (r,).
+    step
+        Threshold as a change of the level, ``h ln b``.
+    """
+
+    __slots__ = ('_borders',)
+
+    def __init__(self, reference_levels: FloatArray, step: float) -> None:
+        with np.errstate(over='ignore'):
+            lower = np.exp(reference_levels - step + _MARGIN)
+            upper = np.exp(reference_levels + step - _MARGIN)
+        # A logarithm that overflows on its way back is no border.
+        upper[upper == math.inf] = 0.0
+        self._borders = list(zip(lower.tolist(), upper.tolist(), strict=True))
+
+    def holds(self, luminosity: Sequence[float]) -> bool:
+        """Whether no pixel fires at these luminosities; NaN is never silent.
+
+        Parameters
+        ----------
+        luminosity
+            y, r entries.
+        """
+        for y, (lower, upper) in zip(luminosity, self._borders, strict=True):
+            if not lower < y < upper:
+                return False
+        return True

@@ -1,0 +1,1 @@
+"""Programs around the camera: scene, show_events, packet_bridge."""

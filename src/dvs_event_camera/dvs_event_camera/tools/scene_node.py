@@ -1,0 +1,196 @@
+"""Node `scene`: test scenes, a video or a folder of pictures on `luminosity`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+from sensor_msgs.msg import Image
+
+from dvs_common.errors import ParameterError
+from dvs_common.node.spin import StopSignal
+from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.messages import pack_image
+from dvs_event_camera.tools.scenes import SCENES, Scene, recorded_frames, synthetic_frames
+
+_USAGE_ERROR = 2
+_ENCODING_OF = {'uint8': 'mono8', 'uint16': 'mono16', 'float32': '32FC1', 'float64': '64FC1'}
+_DTYPE_OF = {encoding: dtype for dtype, encoding in _ENCODING_OF.items()}
+
+
+def parse_arguments(arguments: Sequence[str]) -> argparse.Namespace:
+    """Command line of `scene`.
+
+    Parameters
+    ----------
+    arguments
+        Without ROS arguments and the program's name.
+    """
+    defaults = Scene()
+    parser = argparse.ArgumentParser(
+        prog='scene', description='Publish a test scene on `luminosity` for event_camera to see.'
+    )
+    parser.add_argument(
+        'source',
+        nargs='?',
+        default='grating',
+        help=f'{", ".join(SCENES)}, a video file or a folder of pictures (default: grating)',
+    )
+    parser.add_argument('--rate', type=float, default=100.0, help='frames/s (default: 100)')
+    parser.add_argument(
+        '--source-rate',
+        type=float,
+        help='frames/s in the stamps (default: --rate), as for slow motion',
+    )
+    parser.add_argument('--frames', type=int, default=0, help='stop after so many (0: never)')
+    parser.add_argument(
+        '--encoding', choices=sorted(_DTYPE_OF), help='of the images (default: as fits the source)'
+    )
+    parser.add_argument(
+        '--size', default=f'{defaults.height}x{defaults.width}', help='ROWSxCOLUMNS'
+    )
+    for name, unit in (
+        ('speed', 'pixels/s'),
+        ('frequency', 'Hz'),
+        ('period', 'pixels'),
+        ('dark', 'luminosity'),
+        ('bright', 'luminosity'),
+    ):
+        value = getattr(defaults, name)
+        parser.add_argument(
+            f'--{name}', type=float, default=value, help=f'{unit} (default: {value:g})'
+        )
+    return parser.parse_args(arguments)
+
+
+def frames_of(options: argparse.Namespace) -> Iterator[NDArray[Any]]:
+    """Frames that the command line asks for.
+
+    Parameters
+    ----------
+    options
+        From `parse_arguments`.
+
+    Raises
+    ------
+    ParameterError
+        If an option is out of range or the source can't be read.
+    """
+    for name in ('rate', 'source_rate'):
+        rate = getattr(options, name)
+        if rate is not None and not 0 < rate <= 1e6:
+            raise ParameterError(name, rate, 'must be > 0 and <= 1e6 frames/s')
+    if options.frames < 0:
+        raise ParameterError('frames', options.frames, 'must be >= 0')
+    if options.source not in SCENES:
+        return recorded_frames(Path(options.source))
+    try:
+        height, width = (int(number) for number in options.size.split('x'))
+    except ValueError:
+        raise ParameterError('size', options.size, 'must be ROWSxCOLUMNS') from None
+    scene = Scene(
+        height=height,
+        width=width,
+        speed=options.speed,
+        frequency=options.frequency,
+        period=options.period,
+        dark=options.dark,
+        bright=options.bright,
+    )
+    period_ns = round(1e9 / (options.source_rate or options.rate))
+    return synthetic_frames(options.source, scene, period_ns)
+
+
+def encoded(frame: NDArray[Any], encoding: str | None) -> tuple[NDArray[Any], str]:
+    """Frame in the number type of `encoding`, rounded and clipped where that is an integer.
+
+    Parameters
+    ----------
+    frame
+        Luminosity, shape (height, width).
+    encoding
+        Encoding of sensor_msgs/Image; None for what fits the frame.
+    """
+    if encoding is None:
+        encoding = _ENCODING_OF.get(frame.dtype.name, '64FC1')
+    dtype = np.dtype(_DTYPE_OF[encoding])
+    if dtype.kind == 'u' and frame.dtype != dtype:
+        frame = np.clip(np.rint(frame), 0, np.iinfo(dtype).max)
+    return frame.astype(dtype), encoding
+
+
+def publish_frames(
+    node: Node, frames: Iterator[NDArray[Any]], options: argparse.Namespace, stop: StopSignal
+) -> None:
+    """Publish frames at their rate until they or the user stop.
+
+    Parameters
+    ----------
+    node
+        Node that publishes.
+    frames
+        The frames.
+    options
+        From `parse_arguments`.
+    stop
+        Set by SIGINT and SIGTERM.
+    """
+    publisher = node.create_publisher(Image, topics.LUMINOSITY, topics.stream_qos())
+    period_ns = round(1e9 / (options.source_rate or options.rate))
+    start_ns = node.get_clock().now().nanoseconds
+    start_s = time.monotonic()
+    for number, frame in enumerate(frames):
+        if stop.received or (options.frames and number >= options.frames):
+            return
+        pause = start_s + number / options.rate - time.monotonic()
+        while pause > 0 and not stop.received:
+            time.sleep(min(pause, 0.1))
+            pause = start_s + number / options.rate - time.monotonic()
+        if stop.received:
+            return
+        pixels, encoding = encoded(frame, options.encoding)
+        publisher.publish(pack_image(start_ns + number * period_ns, pixels, encoding))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until its frames end or a signal.
+
+    Parameters
+    ----------
+    arguments
+        Command line with ROS arguments; `sys.argv` by default.
+    """
+    command_line = list(sys.argv if arguments is None else arguments)
+    options = parse_arguments(remove_ros_args(command_line)[1:])
+    stop = StopSignal()
+    try:
+        frames = frames_of(options)
+    except (ParameterError, MessageError) as error:
+        print(f'cannot start: {error}', file=sys.stderr)
+        return _USAGE_ERROR
+    try:
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        print(f'cannot start: {" ".join(str(error).split())}', file=sys.stderr)
+        return _USAGE_ERROR
+    node = rclpy.create_node('scene')
+    try:
+        publish_frames(node, frames, options, stop)
+    except MessageError as error:
+        print(f'cannot go on: {error}', file=sys.stderr)
+        return _USAGE_ERROR
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

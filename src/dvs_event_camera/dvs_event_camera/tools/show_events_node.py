@@ -1,0 +1,71 @@
+"""Node `show_events`: the live part of the tool of that name."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.events import parse_events
+from dvs_event_camera.tools.event_show import EventShow
+from dvs_event_camera.tools.plain_node import run_plain_node
+
+_REPORT_S = 1.0
+
+
+class ShowEventsNode(Node):
+    """Shows the packets of a topic, with a line of statistics every second.
+
+    Parameters
+    ----------
+    topic
+        Topic of type sensor_msgs/PointCloud2.
+    show
+        Where packets go.
+    """
+
+    def __init__(self, topic: str, show: EventShow) -> None:
+        super().__init__('show_events')
+        self._show = show
+        self._next_report = time.monotonic() + _REPORT_S
+        self.create_subscription(PointCloud2, topic, self._take, topics.stream_qos(), raw=True)
+
+    def _take(self, message: bytes) -> None:
+        try:
+            self._show.add(parse_events(message), time.time())
+        except MessageError as error:
+            self.get_logger().error(f'message refused: {error}', throttle_duration_sec=5.0)
+
+    def turn(self) -> bool:
+        """Report when it is time; return whether there is more to show."""
+        if time.monotonic() >= self._next_report and not self._show.done:
+            self._next_report += _REPORT_S
+            print(self._show.statistics.report(), file=sys.stderr, flush=True)
+            self._show.statistics.reset()
+        return not self._show.done
+
+
+def show_live(topic: str, show: EventShow, arguments: Sequence[str]) -> int:
+    """Show packets as they come until a signal or the limit; returns the exit code.
+
+    Parameters
+    ----------
+    topic
+        Topic of type sensor_msgs/PointCloud2.
+    show
+        Where they go.
+    arguments
+        Command line with ROS arguments.
+    """
+    nodes: list[ShowEventsNode] = []
+
+    def make_node() -> Node:
+        nodes.append(ShowEventsNode(topic, show))
+        return nodes[0]
+
+    return run_plain_node(make_node, arguments, turn=lambda: nodes[0].turn())

@@ -1,0 +1,1 @@
+"""What a closed loop guarantees: norms, mu, sector, peak gains, thresholds, sampling."""

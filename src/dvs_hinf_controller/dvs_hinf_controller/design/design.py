@@ -1,0 +1,309 @@
+"""From a problem to a controller with every figure that tells what it promises."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.analysis.hinf_norm import hinf_norm
+from dvs_hinf_controller.analysis.mu import mu_bounds
+from dvs_hinf_controller.analysis.peak_gain import peak_gains
+from dvs_hinf_controller.analysis.sampling import max_sampling_period
+from dvs_hinf_controller.analysis.thresholds import (
+    certified_uncertainty,
+    event_threshold,
+    published_uncertainty,
+    small_gain_holds,
+)
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.design.design_file import (
+    finite_or_null,
+    read_design_file,
+    write_design_file,
+)
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.state_space import state_response
+from dvs_hinf_controller.synthesis.methods import synthesis_method
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignFigures:
+    """Every figure of a design, all measured on the controller that is returned.
+
+    Parameters
+    ----------
+    pixels
+        Number of pixels r.
+    gamma
+        ``sqrt(1 + ||c||^2) ||G||_inf``, the paper's unstructured norm; an upper bound.
+    mu_upper
+        Bound of ``mu = sup_w (|T| + ||G||)`` for all frequencies.
+    mu_lower
+        Inverse size of a perturbation that makes the loop singular.
+    dc_gain_w1
+        ``||Gw1(0)||``.
+    dc_gain_w2
+        ``||Gw2(0)||``.
+    hinf_gain_w1
+        ``||Gw1||_inf``, an upper bound.
+    delta_star
+        delta* (paper, Theorem 1).
+    h_star
+        h* (paper, Theorem 2), in logarithms to the problem's base.
+    small_gain_ok
+        Whether ``delta* ||Gw1||_inf < 1``.
+    state_peak_gain
+        N_G, peak gain from w to ``||x||``, an upper bound.
+    output_peak_gain
+        N_T, peak gain from w to ``c'x``, an upper bound.
+    delta_certified
+        Relative error of the estimate up to which ``limsup ||x|| <= eps`` is guaranteed.
+    h_certified
+        Event threshold up to which it is guaranteed.
+    controller_order
+        States of K.
+    fastest_pole
+        Largest magnitude of a pole of K, rad/s.
+    closed_loop_abscissa
+        Largest real part of a closed-loop pole, 1/s.
+    max_sampling_period
+        Longest period at which the sampled loop is stable with margin, s.
+    seconds
+        Time that the synthesis took, s.
+    """
+
+    pixels: int
+    gamma: float
+    mu_upper: float
+    mu_lower: float
+    dc_gain_w1: float
+    dc_gain_w2: float
+    hinf_gain_w1: float
+    delta_star: float
+    h_star: float
+    small_gain_ok: bool
+    state_peak_gain: float
+    output_peak_gain: float
+    delta_certified: float
+    h_certified: float
+    controller_order: int
+    fastest_pole: float
+    closed_loop_abscissa: float
+    max_sampling_period: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """A controller, the problem that it answers and its figures.
+
+    Parameters
+    ----------
+    method
+        Name of the method that found it.
+    problem
+        What was asked.
+    controller
+        K on the mean of zbar.
+    figures
+        What it promises.
+    """
+
+    method: str
+    problem: DesignProblem
+    controller: LinearController
+    figures: DesignFigures
+
+
+def design_controller(
+    problem: DesignProblem, *, method: str = 'structured', options: DesignOptions | None = None
+) -> Design:
+    """Synthesise a controller and measure it.
+
+    Parameters
+    ----------
+    problem
+        Plant, set-point, pixels, tolerance.
+    method
+        Key of `METHODS`.
+    options
+        Trade between optimality and speed.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method.
+    SynthesisError
+        If no controller exists; names the assumption that fails.
+    """
+    strategy = synthesis_method(method)
+    start = time.perf_counter()
+    controller = strategy.synthesize(problem, options or DesignOptions())
+    seconds = time.perf_counter() - start
+    return Design(
+        method=method,
+        problem=problem,
+        controller=controller,
+        figures=measure(problem, controller, seconds=seconds),
+    )
+
+
+def design_from_scenario(scenario: Scenario) -> Design:
+    """Controller that a scenario asks for.
+
+    Parameters
+    ----------
+    scenario
+        Checked parameters.
+
+    Raises
+    ------
+    SuiteError
+        If parameters do not fit together, no controller exists, or design_file holds a design for
+        another problem.
+    """
+    problem = DesignProblem.from_scenario(scenario)
+    if scenario['method'] == 'file':
+        if not scenario['design_file']:
+            raise ParameterError('design_file', '', 'must be given with method: file')
+        return load_design(scenario['design_file'], problem)
+    try:
+        return design_controller(
+            problem, method=scenario['method'], options=DesignOptions.from_scenario(scenario)
+        )
+    except np.linalg.LinAlgError as error:
+        raise SynthesisError(
+            Assumption.RANK, f'{error}; does every input act, and are the numbers in proportion?'
+        ) from None
+
+
+def load_design(path: str | Path, problem: DesignProblem) -> Design:
+    """Design of a file, its figures measured anew for `problem`.
+
+    Tolerance, base and reference bounds may differ from those that it was made for; the figures
+    tell what it is worth then.
+
+    Parameters
+    ----------
+    path
+        File written by `save_design`.
+    problem
+        Problem that it must have been made for.
+
+    Raises
+    ------
+    ParameterError
+        If the file is no design, or one for another plant, set-point or pixel set; says which.
+    SynthesisError
+        If the stored controller does not stabilize the plant.
+    """
+    stored = read_design_file(path)
+    stored.require_made_for(problem)
+    return Design(
+        method=stored.method,
+        problem=problem,
+        controller=stored.controller,
+        figures=measure(problem, stored.controller, seconds=stored.seconds),
+    )
+
+
+def save_design(design: Design, path: str | Path) -> None:
+    """Write a design as JSON.
+
+    Parameters
+    ----------
+    design
+        What to write.
+    path
+        File to write.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be written.
+    """
+    write_design_file(
+        path,
+        method=design.method,
+        problem=design.problem,
+        controller=design.controller,
+        figures=dataclasses.asdict(design.figures),
+    )
+
+
+def as_json_object(design: Design) -> dict[str, Any]:
+    """Method and figures as a flat object; null stands for "no limit".
+
+    Parameters
+    ----------
+    design
+        What to describe.
+    """
+    return finite_or_null({'method': design.method, **dataclasses.asdict(design.figures)})
+
+
+def measure(
+    problem: DesignProblem, controller: LinearController, *, seconds: float = 0.0
+) -> DesignFigures:
+    """Figures of any controller for `problem`, by methods that its synthesis did not use.
+
+    Parameters
+    ----------
+    problem
+        What is asked.
+    controller
+        K on the mean of zbar.
+    seconds
+        Time that its synthesis took, to be passed on.
+
+    Raises
+    ------
+    SynthesisError
+        If the closed loop is not stable.
+    """
+    g = state_response(problem.model, controller)
+    abscissa = float(np.max(g.poles().real))
+    if not abscissa < 0:
+        raise SynthesisError(
+            Assumption.CONFIRMATION, f'a closed-loop pole has real part {abscissa:.3g}'
+        )
+    c_norm = float(np.linalg.norm(problem.model.output_vector))
+    norm = hinf_norm(g)
+    dc_gain = float(np.linalg.norm(g.response(np.zeros(1))[0]))
+    delta_star = published_uncertainty(problem, dc_gain_w1=c_norm * dc_gain, dc_gain_w2=dc_gain)
+    mu = mu_bounds(g, problem.model.output_vector)
+    peak = peak_gains(g, problem.model.output_vector)
+    delta_certified = certified_uncertainty(
+        problem, state_peak_gain=peak.state, output_peak_gain=peak.output
+    )
+    return DesignFigures(
+        pixels=problem.scene.pixel_count,
+        mu_upper=mu.upper,
+        mu_lower=mu.lower,
+        state_peak_gain=peak.state,
+        output_peak_gain=peak.output,
+        delta_certified=delta_certified,
+        h_certified=event_threshold(problem, delta_certified),
+        gamma=math.sqrt(1 + c_norm**2) * norm.upper,
+        dc_gain_w1=c_norm * dc_gain,
+        dc_gain_w2=dc_gain,
+        hinf_gain_w1=c_norm * norm.upper,
+        delta_star=delta_star,
+        h_star=event_threshold(problem, delta_star),
+        small_gain_ok=small_gain_holds(delta_star, c_norm * norm.upper),
+        controller_order=controller.order,
+        fastest_pole=float(np.max(np.abs(np.linalg.eigvals(controller.state_matrix)), initial=0)),
+        closed_loop_abscissa=abscissa,
+        max_sampling_period=max_sampling_period(problem.model, controller),
+        seconds=seconds,
+    )

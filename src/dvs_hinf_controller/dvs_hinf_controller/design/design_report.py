@@ -1,0 +1,63 @@
+"""Designs as text: one in full, or several side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dvs_hinf_controller.design.design import Design, DesignFigures
+
+
+def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
+    """Figures of one or more designs, a column each, and what they say about the running h.
+
+    Parameters
+    ----------
+    designs
+        At least one, all for the same problem.
+    event_threshold
+        h that the loop is meant to run with.
+    """
+    problem = designs[0].problem
+    rows = [['', *(design.method for design in designs)]]
+    columns = [_cells(design.figures, event_threshold) for design in designs]
+    rows += [[name, *(column[name] for column in columns)] for name in columns[0]]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    head = (
+        f'plant n = {problem.model.state_count}, m = {problem.model.input_count}; '
+        f'pixels r = {problem.scene.pixel_count}; eps = {problem.tolerance:g}; '
+        f'b = {problem.log_base:.6g}; h = {event_threshold:g}'
+    )
+    lines = [
+        '  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip()
+        for row in rows
+    ]
+    return '\n'.join([head, '', *lines])
+
+
+def _cells(figures: DesignFigures, event_threshold: float) -> dict[str, str]:
+    return {
+        'gamma = sqrt(1 + ||c||^2) ||G||_inf': f'{figures.gamma:.5g}',
+        'mu, upper bound': f'{figures.mu_upper:.5g}',
+        'mu, lower bound': f'{figures.mu_lower:.5g}',
+        '||Gw1(0)||': f'{figures.dc_gain_w1:.5g}',
+        '||Gw2(0)||': f'{figures.dc_gain_w2:.5g}',
+        '||Gw1||_inf': f'{figures.hinf_gain_w1:.5g}',
+        'delta* (published)': f'{figures.delta_star:.5g}',
+        'h* (published)': f'{figures.h_star:.5g}',
+        'small gain, delta* ||Gw1||_inf < 1': _word(figures.small_gain_ok),
+        'peak gain w to ||x||, N_G': f'{figures.state_peak_gain:.5g}',
+        "peak gain w to c'x, N_T": f'{figures.output_peak_gain:.5g}',
+        'delta certified': f'{figures.delta_certified:.5g}',
+        'h certified (guaranteed)': f'{figures.h_certified:.5g}',
+        'h <= h*': _word(event_threshold <= figures.h_star),
+        'h <= h certified': _word(event_threshold <= figures.h_certified),
+        'controller order': f'{figures.controller_order}',
+        'fastest controller pole [rad/s]': f'{figures.fastest_pole:.4g}',
+        'slowest closed-loop pole [1/s]': f'{figures.closed_loop_abscissa:.4g}',
+        'longest sampling period [ms]': f'{figures.max_sampling_period * 1e3:.4g}',
+        'synthesis time [s]': f'{figures.seconds:.3f}',
+    }
+
+
+def _word(holds: bool) -> str:
+    return 'yes' if holds else 'NO'

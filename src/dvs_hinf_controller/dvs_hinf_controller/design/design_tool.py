@@ -1,0 +1,144 @@
+"""Console tool `design_controller`: which controller, which event threshold, which promise."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from dvs_common.errors import ParameterError, SuiteError
+from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_hinf_controller.design.bode_figure import save_bode_figure
+from dvs_hinf_controller.design.design import (
+    Design,
+    as_json_object,
+    design_from_scenario,
+    save_design,
+)
+from dvs_hinf_controller.design.design_report import report_text
+from dvs_hinf_controller.design.start_up import darkness_warnings
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.synthesis.methods import METHODS
+
+_DEFAULT_EXTENT = 0.01
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the tool.
+
+    Parameters
+    ----------
+    arguments
+        Command line without the program's name; the process's own if left out.
+
+    Returns
+    -------
+    int
+        0; 1 if there is no controller; 2 if an argument or parameter is wrong.
+    """
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.compare and options.output:
+        parser.error('--output saves one design: name its --method instead of --compare')
+    try:
+        _run(options)
+    except SuiteError as error:
+        print(f'design_controller: {error}', file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
+def with_pixels(scenario: Scenario, grid: str) -> Scenario:
+    """Scenario seen by a regular grid of pixels instead of its own.
+
+    The grid keeps the scenario's pixel_pitch; where there is none it spans the extent of the
+    scenario's own displacements.
+
+    Parameters
+    ----------
+    scenario
+        Checked parameters.
+    grid
+        ``HxW``: rows and columns.
+
+    Raises
+    ------
+    ParameterError
+        If `grid` is malformed.
+    """
+    match = re.fullmatch(r'([1-9]\d*)x([1-9]\d*)', grid)
+    if match is None:
+        raise ParameterError('pixels', grid, 'must be HEIGHTxWIDTH, for instance 720x1280')
+    height, width = int(match[1]), int(match[2])
+    pitch = scenario['pixel_pitch'] or _spanning_pitch(scenario, height, width)
+    return scenario.replace(pixel_offsets=(), pixel_pitch=pitch, pixel_grid=(height, width))
+
+
+def _spanning_pitch(scenario: Scenario, height: int, width: int) -> tuple[float, ...]:
+    n = len(scenario['output_vector'])
+    extent = float(np.max(np.abs(scenario['pixel_offsets']), initial=0.0)) or _DEFAULT_EXTENT
+    pitch = np.zeros((2, n))
+    pitch[0, 0] = 2 * extent / max(width - 1, 1)
+    pitch[1, min(1, n - 1)] = 2 * extent / max(height - 1, 1)
+    return tuple(pitch.ravel().tolist())
+
+
+def _run(options: argparse.Namespace) -> None:
+    scenario = load_scenario(options.params_file)
+    if options.pixels:
+        scenario = with_pixels(scenario, options.pixels)
+    if options.method:
+        scenario = scenario.replace(method=options.method)
+    methods = list(METHODS) if options.compare else [scenario['method']]
+    designs = [design_from_scenario(scenario.replace(method=method)) for method in methods]
+    _print(designs, scenario, as_json=options.json)
+    if options.figure:
+        save_bode_figure(designs, options.figure)
+        print(f'Bode figure: {options.figure}', file=sys.stderr)
+    if options.output:
+        save_design(designs[0], options.output)
+        print(f'design: {options.output}', file=sys.stderr)
+
+
+def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> None:
+    if as_json:
+        objects = [as_json_object(design) for design in designs]
+        print(json.dumps(objects if len(objects) > 1 else objects[0], indent=1))
+        return
+    print(report_text(designs, event_threshold=scenario['event_threshold']))
+    problem: DesignProblem = designs[0].problem
+    if problem.equilibrium.residual > 0:
+        point = ', '.join(f'{value:.6g}' for value in problem.equilibrium.state)
+        print(f'\nset-point used: [{point}], the nearest that the plant can hold')
+    for warning in darkness_warnings(problem, scenario['photoreceptor']):
+        print(f'warning: {warning}', file=sys.stderr)
+    for design in designs:
+        if scenario['sampling_period'] > design.figures.max_sampling_period:
+            print(
+                f'warning: {design.method}: sampling_period = {scenario["sampling_period"]:g} s '
+                f'exceeds {design.figures.max_sampling_period:.3g} s; see bandwidth_limit',
+                file=sys.stderr,
+            )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='design_controller',
+        description='Designs the controller of a scenario and reports what it promises.',
+    )
+    parser.add_argument('--params-file', required=True, metavar='FILE', help='scenario, YAML')
+    parser.add_argument(
+        '--method', choices=[*METHODS, 'file'], help="synthesis method; default: the scenario's"
+    )
+    parser.add_argument('--compare', action='store_true', help='all methods side by side')
+    parser.add_argument('--json', action='store_true', help='print JSON (--compare: a list)')
+    parser.add_argument('--output', metavar='FILE', help='save the design, for design_file')
+    parser.add_argument('--figure', metavar='FILE', help='draw the Bode figure (.png, .svg, .pdf)')
+    parser.add_argument(
+        '--pixels', metavar='HxW', help="a regular pixel array instead of the scenario's"
+    )
+    return parser

@@ -1,0 +1,99 @@
+"""What the controller says when it starts: what was designed, and whether h is small enough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_hinf_controller.analysis.sector import sector
+from dvs_hinf_controller.design.design import Design
+from dvs_hinf_controller.problem import DesignProblem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartUpReport:
+    """Readable summary of a design at the running threshold.
+
+    Parameters
+    ----------
+    text
+        Block of lines for the log.
+    warnings
+        One sentence each.
+    """
+
+    text: str
+    warnings: tuple[str, ...]
+
+
+def start_up_report(
+    design: Design, *, event_threshold: float, sampling_period: float
+) -> StartUpReport:
+    """Summary of `design` for a loop that runs at the given threshold and period.
+
+    Parameters
+    ----------
+    design
+        Controller and its figures.
+    event_threshold
+        h of the running loop.
+    sampling_period
+        Period of commands, s.
+    """
+    figures, problem = design.figures, design.problem
+    constants = sector(problem.bounds, event_threshold=event_threshold, log_base=problem.log_base)
+    rows = (
+        ('pixels r', f'{problem.scene.pixel_count}'),
+        ('event threshold h', f'{event_threshold:.6g}'),
+        ('sector bound delta_z', f'{np.max(constants.error_bound):.6g}'),
+        ('||Gw1(0)||', f'{figures.dc_gain_w1:.6g}'),
+        ('||Gw2(0)||', f'{figures.dc_gain_w2:.6g}'),
+        ('||Gw1||_inf', f'{figures.hinf_gain_w1:.6g}'),
+        ('delta*', f'{figures.delta_star:.6g}'),
+        ('h* (published)', f'{figures.h_star:.6g}'),
+        ('small gain, delta* ||Gw1||_inf < 1', 'yes' if figures.small_gain_ok else 'NO'),
+        ('h_certified (guaranteed)', f'{figures.h_certified:.6g}'),
+        ('controller order', f'{figures.controller_order}'),
+        ('longest sampling period', f'{figures.max_sampling_period * 1e3:.3g} ms'),
+    )
+    width = max(len(name) for name, _ in rows)
+    lines = [f'{design.method} controller, designed in {figures.seconds:.2f} s']
+    lines += [f'  {name:<{width}}  {value}' for name, value in rows]
+    warnings = []
+    if event_threshold > figures.h_star:
+        warnings.append(
+            f'event_threshold = {event_threshold:.6g} exceeds h* = {figures.h_star:.6g}: '
+            'regulation to within tolerance is not even published'
+        )
+    if not figures.small_gain_ok:
+        warnings.append(
+            'delta* ||Gw1||_inf >= 1: the small-gain condition behind h* does not hold, so h* '
+            'says nothing; h_certified does'
+        )
+    if sampling_period > figures.max_sampling_period:
+        warnings.append(
+            f'sampling_period = {sampling_period:g} s exceeds {figures.max_sampling_period:.3g} '
+            's, the longest at which the sampled loop is stable with margin; see bandwidth_limit'
+        )
+    return StartUpReport(text='\n'.join(lines), warnings=tuple(warnings))
+
+
+def darkness_warnings(problem: DesignProblem, photoreceptor: str) -> tuple[str, ...]:
+    """What is to be said where a pixel has no logarithm of its luminosity at the set-point.
+
+    Parameters
+    ----------
+    problem
+        Plant, set-point and pixels.
+    photoreceptor
+        ``signed_log`` sees luminosity of either sign, no real pixel does.
+    """
+    luminosity = problem.set_point_luminosity
+    pixel = int(luminosity.argmin())
+    if photoreceptor == 'signed_log' or luminosity[pixel] > 0:
+        return ()
+    return (
+        f'pixel {pixel} has the luminosity {luminosity[pixel]:.6g} <= 0 at the set-point, which a '
+        f'pixel with photoreceptor = {photoreceptor} does not see: no threshold is a promise',
+    )

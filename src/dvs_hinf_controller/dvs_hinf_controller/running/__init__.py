@@ -1,0 +1,1 @@
+"""The controller as it runs: estimator, synchroniser, exact propagation between events."""

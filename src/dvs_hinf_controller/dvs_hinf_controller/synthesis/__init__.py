@@ -1,0 +1,1 @@
+"""Controller synthesis: unstructured, structured, certified, and what they are made of."""

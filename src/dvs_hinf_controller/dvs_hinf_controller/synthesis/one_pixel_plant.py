@@ -1,0 +1,71 @@
+"""The problem that is left for every number of pixels: one measurement, the mean of zbar."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
+
+
+def reduced_plant(
+    model: PlantModel,
+    *,
+    input_cost: float,
+    process_noise: float,
+    weight: StateSpace | None = None,
+    output_weight: StateSpace | None = None,
+) -> GeneralizedPlant:
+    """Regularised generalized plant of the reduced problem.
+
+    Performance is ``[x; input_cost u]``, disturbance ``[noise; w]``, measurement
+    ``c'x + weight(s) w``. The paper's D12 = 0 and the missing process noise make its plant
+    singular (paper, Remark 6); the two small terms regularise it.
+
+    Parameters
+    ----------
+    model
+        Plant.
+    input_cost
+        Cost on u, > 0, in the unit of x over that of u: rolls the loop off near
+        ``||B|| / input_cost`` rad/s.
+    process_noise
+        Intensity of the noise on xdot, > 0, in the unit of xdot over that of y.
+    weight
+        Stable scalar weight V with V(inf) != 0 on w; 1 if left out.
+    output_weight
+        Stable scalar weight on the component of x along c; 1 if left out.
+    """
+    a, b, c = model.state_matrix, model.input_matrix, model.output_vector
+    n, m = b.shape
+    v = weight or StateSpace.constant(1.0)
+    o = output_weight or StateSpace.constant(1.0)
+    unit = c / np.linalg.norm(c)
+    across = np.eye(n) - np.outer(unit, unit)
+    states = scipy.linalg.block_diag(a, v.a, o.a)
+    states[n + v.order :, :n] = o.b @ unit[None, :]
+    return GeneralizedPlant(
+        a=states,
+        b1=np.block(
+            [
+                [process_noise * np.eye(n), np.zeros((n, 1))],
+                [np.zeros((v.order, n)), v.b],
+                [np.zeros((o.order, n + 1))],
+            ]
+        ),
+        b2=np.vstack([b, np.zeros((v.order + o.order, m))]),
+        c1=np.block(
+            [
+                [
+                    across + np.outer(unit, o.d @ unit[None, :]),
+                    np.zeros((n, v.order)),
+                    unit[:, None] @ o.c,
+                ],
+                [np.zeros((m, n + v.order + o.order))],
+            ]
+        ),
+        c2=np.hstack([c[None, :], v.c, np.zeros((1, o.order))]),
+        d12=np.vstack([np.zeros((n, m)), input_cost * np.eye(m)]),
+        d21=np.hstack([np.zeros((1, n)), v.d]),
+    )

@@ -1,0 +1,193 @@
+"""H-infinity synthesis of the reduced problem, as slow as the slack allows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, state_response
+from dvs_hinf_controller.synthesis.hinf_synthesis import (
+    HinfSynthesis,
+    gamma_test,
+    hinf_synthesis,
+    hinf_synthesis_at,
+)
+from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant
+from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
+
+# Roll-offs that are tried, relative to the plant's own rate.
+_FASTEST = (1e4, 1e3, 1e2)
+_SLOWEST = 0.1
+_BANDWIDTH_RTOL = 0.05
+_GAMMA_RTOL = 1e-5
+# Where the bandwidth limit binds: factors on the process noise, and the decay that suffices.
+_NOISE_SCALES = (1.0, 10.0, 30.0, 100.0)
+_LEAST_DECAY = 0.05
+# Failures that no other roll-off mends.
+_STRUCTURAL = (Assumption.STABILIZABILITY, Assumption.DETECTABILITY)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RolledOff:
+    """A controller and the level of the weighted problem that it guarantees.
+
+    Parameters
+    ----------
+    controller
+        K on the mean of zbar.
+    gamma
+        Level of the weighted, regularised problem that K stays below.
+    gamma_optimal
+        Least level without a noticeable roll-off.
+    bandwidth
+        Roll-off frequency that was used, rad/s.
+    """
+
+    controller: LinearController
+    gamma: float
+    gamma_optimal: float
+    bandwidth: float
+
+
+def plant_rate(model: PlantModel) -> float:
+    """The plant's own rate: its fastest mode, 1 rad/s for pure integrators.
+
+    Parameters
+    ----------
+    model
+        Plant.
+    """
+    rate = float(np.max(np.abs(np.linalg.eigvals(model.state_matrix))))
+    return rate if rate > 1e-9 else 1.0
+
+
+def synthesize_rolled_off(
+    model: PlantModel,
+    options: DesignOptions,
+    *,
+    weight: StateSpace | None = None,
+    output_weight: StateSpace | None = None,
+) -> RolledOff:
+    """Controller within the slack of the optimum, as slow as the slack allows.
+
+    The roll-off is a cost on u that meets the cost on x at ``bandwidth``. One half of the slack
+    pays for it, the other keeps the central controller away from the singular optimum.
+
+    Parameters
+    ----------
+    model
+        Plant.
+    options
+        Slack, limit of the bandwidth, process noise.
+    weight
+        Scalar weight on w; see `reduced_plant`.
+    output_weight
+        Scalar weight on c'x; see `reduced_plant`.
+
+    Raises
+    ------
+    SynthesisError
+        If the plant is not stabilizable or not detectable, or double precision does not suffice.
+    """
+    rate = plant_rate(model)
+    noise = options.process_noise * rate / float(np.linalg.norm(model.output_vector))
+    gain = max(float(np.linalg.norm(model.input_matrix, 2)), 1e-300)
+
+    def plant(bandwidth: float, noise_scale: float = 1.0) -> GeneralizedPlant:
+        return reduced_plant(
+            model,
+            input_cost=gain / bandwidth,
+            process_noise=noise * noise_scale,
+            weight=weight,
+            output_weight=output_weight,
+        )
+
+    fastest, optimal = _least_gamma(plant, rate, options.gamma_slack)
+    level = optimal * (1 + options.gamma_slack / 2)
+    bandwidth = _slowest(
+        lambda trial: gamma_test(plant(trial), level).failure is None,
+        _SLOWEST * rate,
+        fastest,
+    )
+    trials: Iterable[HinfSynthesis]
+    if 0 < options.bandwidth_limit < bandwidth:
+        bandwidth = options.bandwidth_limit
+        trials = (
+            hinf_synthesis(plant(bandwidth, scale), slack=options.gamma_slack / 2)
+            for scale in _NOISE_SCALES
+        )
+    else:
+        trials = [hinf_synthesis_at(plant(bandwidth), optimal * (1 + options.gamma_slack))]
+    controller, gamma = _fast_enough(model, trials, _LEAST_DECAY * rate)
+    return RolledOff(
+        controller=controller, gamma=gamma, gamma_optimal=optimal, bandwidth=bandwidth
+    )
+
+
+def as_controller(synthesis: HinfSynthesis) -> LinearController:
+    """K of a problem with one measurement as a `LinearController`.
+
+    Parameters
+    ----------
+    synthesis
+        Result of `hinf_synthesis` on a reduced plant.
+    """
+    k = synthesis.controller
+    return LinearController(
+        state_matrix=k.a, input_vector=k.b[:, 0], output_matrix=k.c, feedthrough=k.d[:, 0]
+    )
+
+
+def _least_gamma(
+    plant: Callable[[float], GeneralizedPlant], rate: float, slack: float
+) -> tuple[float, float]:
+    """Fastest roll-off that double precision bears, and the least gamma there."""
+    found = SynthesisError(Assumption.CONFIRMATION, 'no roll-off was tried')
+    for multiple in _FASTEST:
+        try:
+            synthesis = hinf_synthesis(plant(multiple * rate), slack=slack, rtol=_GAMMA_RTOL)
+        except SynthesisError as error:
+            if error.assumption in _STRUCTURAL:
+                raise
+            found = error
+        else:
+            return multiple * rate, synthesis.gamma_optimal
+    raise SynthesisError(
+        Assumption.CONFIRMATION,
+        'the plant is stabilizable and detectable, but too badly conditioned for double '
+        f'precision ({found.assumption.value}: {found.detail})',
+    )
+
+
+def _fast_enough(
+    model: PlantModel, trials: Iterable[HinfSynthesis], decay: float
+) -> tuple[LinearController, float]:
+    """First trial whose closed loop decays fast enough, or the one that decays fastest.
+
+    A tight bandwidth limit makes slow closed-loop modes; more process noise removes them.
+    """
+    fallback: tuple[float, LinearController, float] | None = None
+    for trial in trials:
+        controller = as_controller(trial)
+        abscissa = float(np.max(state_response(model, controller).poles().real))
+        if fallback is None or abscissa < fallback[0]:
+            fallback = (abscissa, controller, trial.gamma)
+        if abscissa <= -decay:
+            break
+    assert fallback is not None
+    return fallback[1:]
+
+
+def _slowest(feasible: Callable[[float], bool], low: float, high: float) -> float:
+    if feasible(low):
+        return low
+    while high > low * (1 + _BANDWIDTH_RTOL):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if feasible(middle) else (middle, high)
+    return high

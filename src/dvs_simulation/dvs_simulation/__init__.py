@@ -1,0 +1,1 @@
+"""Simulation without ROS: exact automaton, sampled loop, judging, sweeps, the paper."""

@@ -1,0 +1,1 @@
+"""Subcommands of the console script `dvs_simulation`."""

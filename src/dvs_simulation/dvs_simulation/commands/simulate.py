@@ -1,0 +1,196 @@
+"""Subcommand `simulate`: one scenario, exactly from event to event, or sampled as the nodes do."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.parameters import SCHEMA
+from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_hinf_controller.design.design import Design, design_from_scenario
+from dvs_simulation import plotting
+from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
+from dvs_simulation.exact.run_figure import run_figure
+from dvs_simulation.exact.signals import sector_ratios
+from dvs_simulation.output_folder import output_folder
+
+# Samples of y and z that the sector is checked on; more pixels have fewer samples.
+_MOST_SECTOR_VALUES = 4_000_000
+_ROUNDING = 1e-9
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments.
+
+    Parameters
+    ----------
+    parser
+        Parser of the subcommand.
+    """
+    parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
+    parser.add_argument('--output', type=Path, help='directory to fill (out/<scenario>-exact)')
+    parser.add_argument('--duration', type=float, help='length of the run, s')
+    parser.add_argument('--event-threshold', type=float, help="h in place of the scenario's")
+    parser.add_argument(
+        '--sampled',
+        action='store_true',
+        help="the ROS loop without ROS: the nodes' cores in lockstep at sampling_period",
+    )
+    parser.add_argument('--sampling-period', type=float, help='with --sampled, s')
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the scenario; 0 only if it regulated and the sector bound held.
+
+    Parameters
+    ----------
+    options
+        Parsed arguments.
+
+    Raises
+    ------
+    SuiteError
+        If the scenario is not sound, or has a plant of its own.
+    """
+    scenario = load_scenario(options.params_file)
+    changes = {
+        name: value
+        for name in ('duration', 'event_threshold', 'sampling_period')
+        if (value := getattr(options, name)) is not None
+    }
+    scenario = scenario.replace(**changes)
+    if scenario['plant_executable'] != SCHEMA['plant_executable'].default:
+        raise ParameterError(
+            'plant_executable',
+            scenario['plant_executable'],
+            'is not the linear plant, which alone is simulated here',
+        )
+    name = options.params_file.stem
+    kind = 'sampled' if options.sampled else 'exact'
+    output = output_folder(options.output or Path('out') / f'{name}-{kind}')
+    if options.sampled:
+        return _run_sampled(scenario, name, output)
+    return _run_exact(scenario, name, output)
+
+
+def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
+    design = design_from_scenario(scenario)
+    loop = ClosedLoop.from_scenario(scenario, design.controller)
+    duration = float(scenario['duration'])
+    count = max(2, min(6001, _MOST_SECTOR_VALUES // loop.pixel_count))
+    started = time.process_time()
+    trajectory = simulate(
+        loop,
+        duration=duration,
+        sample_times=np.linspace(0, duration, count),
+        tail_start=duration * 2 / 3,
+    )
+    seconds = time.process_time() - started
+    result = exact_result(name, design, loop, trajectory, cpu_seconds=seconds)
+    (output / 'result.json').write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
+    with plotting.in_style():
+        run_figure(
+            loop, trajectory, tolerance=scenario['tolerance'], title=_title(result)
+        ).savefig(output / 'figure.png', dpi=120)
+    print(_summary(result, output))
+    return 0 if result['regulated'] and result['sector_ratio_max'] <= 1 + _ROUNDING else 1
+
+
+def exact_result(
+    name: str, design: Design, loop: ClosedLoop, trajectory: Trajectory, *, cpu_seconds: float
+) -> dict[str, Any]:
+    """Figures of an exact run, as in `result.json`.
+
+    Parameters
+    ----------
+    name
+        Name of the scenario.
+    design
+        Controller and its figures.
+    loop
+        What ran.
+    trajectory
+        What came out, with samples and a tail from two thirds of the run on.
+    cpu_seconds
+        CPU time of the simulation, s.
+    """
+    tail, outcome = trajectory.tail, trajectory.outcome
+    limsup = tail.peak_bound if tail and outcome.completed else float('inf')
+    error = np.linalg.norm(trajectory.states - loop.equilibrium.state, axis=1)
+    tolerance = design.problem.tolerance
+    return {
+        'scenario': name,
+        'mode': 'exact',
+        'regulated': limsup < tolerance,
+        'outcome': outcome.status,
+        'message': outcome.message,
+        'tolerance': tolerance,
+        'final_error': float(error[-1]),
+        'limsup_error': limsup if np.isfinite(limsup) else None,
+        'sector_ratio_max': float(sector_ratios(loop, trajectory).max()),
+        'pixels': loop.pixel_count,
+        'events': trajectory.event_count,
+        'events_per_pixel': trajectory.event_count / loop.pixel_count,
+        'simulated_seconds': outcome.time,
+        'cpu_seconds': cpu_seconds,
+        'evaluations': trajectory.evaluations,
+        'h': loop.event_threshold,
+        'h_star': design.figures.h_star,
+        'h_certified': design.figures.h_certified,
+    }
+
+
+def _title(result: dict[str, Any]) -> str:
+    word = 'regulated' if result['regulated'] else 'not regulated'
+    return (
+        f'{result["scenario"]}: {word}, r = {result["pixels"]}, h = {result["h"]:g} '
+        f'(h* = {result["h_star"]:.4f}), {result["events"]} events'
+    )
+
+
+def _summary(result: dict[str, Any], output: Path) -> str:
+    limsup = result['limsup_error']
+    return '\n'.join(
+        (
+            _title(result),
+            f'  {result["message"]}',
+            f'  limsup ||x - x_d||   {"-" if limsup is None else f"{limsup:.6f}"}   '
+            f'(bound over the last third; eps = {result["tolerance"]:g})',
+            f'  sector bound         worst |z - y| / (delta_z |y|) = '
+            f'{result["sector_ratio_max"]:.6f}',
+            f'  thresholds           h = {result["h"]:g}, h_certified = '
+            f'{result["h_certified"]:.5f}, h* = {result["h_star"]:.5f}',
+            f'  work                 {result["cpu_seconds"]:.4f} CPU s',
+            f'  written              {output / "result.json"}, {output / "figure.png"}',
+        )
+    )
+
+
+def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
+    from dvs_simulation.judging.figure import save_figure
+    from dvs_simulation.judging.trace import decode_trace
+    from dvs_simulation.judging.verdict import judge
+    from dvs_simulation.sampled.sampled_loop import run_sampled
+
+    started = time.perf_counter()
+    sampled = run_sampled(scenario)
+    trace = decode_trace(sampled.messages)
+    verdict = judge(
+        trace,
+        scenario,
+        name=name,
+        h_star=sampled.design.figures.h_star,
+        wall_seconds=time.perf_counter() - started,
+        interrupted=False,
+    )
+    verdict.save(output / 'result.json')
+    save_figure(trace, scenario, verdict, output / 'figure.png')
+    print(verdict)
+    print(f'  written              {output / "result.json"}, {output / "figure.png"}')
+    return 0 if verdict.passed else 1

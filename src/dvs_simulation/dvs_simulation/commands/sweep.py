@@ -1,0 +1,107 @@
+"""Subcommand `sweep`: Monte Carlo studies on Dask."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from dvs_common.errors import ParameterError
+from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
+from dvs_simulation.sweep.pixels import pixels_study
+from dvs_simulation.sweep.runner import run_study
+from dvs_simulation.sweep.study import Study
+from dvs_simulation.sweep.sweep_figures import save_study_figure
+from dvs_simulation.sweep.threshold import critical_thresholds, threshold_study
+
+_DEFAULT_PLANTS, _DEFAULT_RUNS = 220, {'certificate': 500, 'threshold': 40, 'pixels': 200}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments.
+
+    Parameters
+    ----------
+    parser
+        Parser of the subcommand.
+    """
+    parser.add_argument(
+        '--study',
+        required=True,
+        choices=sorted(_DEFAULT_RUNS),
+        help='certificate: no run below h_certified violates eps, on random plants; threshold: '
+        'simulated critical h beside h* and h_certified; pixels: long-run error against r',
+    )
+    parser.add_argument(
+        '--output', type=Path, help='CSV file; a killed sweep goes on there (out/<study>.csv)'
+    )
+    parser.add_argument(
+        '--runs',
+        type=int,
+        help='runs per plant (certificate), per h (threshold) or per r (pixels)',
+    )
+    parser.add_argument('--plants', type=int, default=_DEFAULT_PLANTS, help='certificate only')
+    parser.add_argument('--seed', type=int, default=0, help='seed of everything random')
+    parser.add_argument('--scheduler', metavar='ADDRESS', help='Dask scheduler, tcp://host:8786')
+    parser.add_argument('--workers', type=int, help='local workers (one a core)')
+    parser.add_argument('--no-progress', action='store_true', help='no progress bar')
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the study and say what came out; 1 if the certificate was violated.
+
+    Parameters
+    ----------
+    options
+        Parsed arguments.
+
+    Raises
+    ------
+    ParameterError
+        If an argument breaks its rule.
+    """
+    for name, least in (('runs', 1), ('plants', 1), ('workers', 1), ('seed', 0)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            raise ParameterError(name, value, f'must be >= {least}')
+    study = _study(options)
+    path = options.output or Path('out') / f'{study.name}.csv'
+    table = run_study(
+        study,
+        path,
+        scheduler=options.scheduler,
+        workers=options.workers,
+        progress=not options.no_progress,
+    )
+    rows = table.rows()
+    figure = path.with_suffix('.png')
+    save_study_figure(study.name, rows, figure)
+    print(f'{len(rows)} runs in {path}, figure in {figure}')
+    return _report(study, rows)
+
+
+def _study(options: argparse.Namespace) -> Study:
+    runs = options.runs or _DEFAULT_RUNS[options.study]
+    if options.study == 'certificate':
+        return certificate_study(plants=options.plants, runs=runs, seed=options.seed)
+    if options.study == 'threshold':
+        return threshold_study(runs=runs, seed=options.seed)
+    return pixels_study(runs=runs, seed=options.seed)
+
+
+def _report(study: Study, rows: list[dict[str, str]]) -> int:
+    if study.name == 'certificate':
+        summary = summarize_certificate(rows)
+        print(
+            f'{summary.runs} runs over {summary.plants} plants: {summary.violations} violations, '
+            f'tightest limsup/eps = {summary.tightest:.4f} ({summary.dark} runs left out: the '
+            'luminosity tended to 0 in the transient)'
+        )
+        return 1 if summary.violations else 0
+    if study.name == 'threshold':
+        print('method        r   simulated   h*       h_certified')
+        for line in critical_thresholds(rows):
+            print(
+                f'{line.method:12} {line.pixels:2d}   {line.simulated:9.4f}   {line.h_star:.4f}   '
+                f'{line.h_certified:.4f}'
+            )
+    return 0

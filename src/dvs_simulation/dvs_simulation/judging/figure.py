@@ -1,0 +1,196 @@
+"""The picture of a run: error, phase portrait, events, and the estimate over the luminosity."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from dvs_common.scenario.scenario import Scenario
+from dvs_simulation.judging.trace import Trace
+from dvs_simulation.judging.verdict import Verdict
+
+# Okabe and Ito's palette: told apart by every kind of colour vision.
+BLUE, VERMILION, GREEN, GREY = '#0072B2', '#D55E00', '#009E73', '#7f7f7f'
+_MOST_RASTER_EVENTS = 200_000
+_MOST_VECTOR_EVENTS = 3_000
+
+
+def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) -> None:
+    """Draw a run into an image file.
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    verdict
+        Its figures.
+    path
+        File to write; the ending decides the format.
+    """
+    matplotlib.use('Agg', force=False)
+    figure = Figure(figsize=(12, 8), layout='constrained')
+    axes = figure.subplots(2, 2)
+    for panel, draw in zip(axes.flat, _OVERVIEW, strict=True):
+        draw(panel, trace, scenario, verdict)
+    word = 'regulated' if verdict.regulated else 'not regulated'
+    figure.suptitle(
+        f'{verdict.scenario}: {word}, r = {verdict.pixels}, h = {verdict.h:g} '
+        f'(h* = {verdict.h_star:.4f}), {verdict.events} events'
+    )
+    figure.savefig(path, dpi=110)
+
+
+def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> bytes:
+    """One panel as an SVG document.
+
+    Parameters
+    ----------
+    name
+        Key of `PANELS`.
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    verdict
+        Its figures.
+    """
+    matplotlib.use('Agg', force=False)
+    figure = Figure(figsize=(6.4, 4.0), layout='constrained')
+    PANELS[name](figure.subplots(), trace, scenario, verdict)
+    buffer = io.BytesIO()
+    # Without a date, so that the same run gives the same bytes.
+    figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
+    return buffer.getvalue()
+
+
+def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
+    errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
+    axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
+    if np.any(errors > 0):
+        axes.set_yscale('log')
+    axes.axhline(scenario['tolerance'], color=VERMILION, ls='--', lw=1, label='tolerance eps')
+    axes.set(xlabel='time [s]', ylabel='error ||x - x_d|| [state units]', title='Error')
+    axes.legend(loc='upper right', frameon=False)
+    axes.grid(alpha=0.3, which='both')
+
+
+def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
+    centre = np.array(scenario['set_point'])
+    if centre.size < 2:
+        axes.plot(trace.times_s, trace.states[:, 0], color=BLUE, lw=1.2)
+        for bound in centre[0] + scenario['tolerance'] * np.array([-1, 1]):
+            axes.axhline(bound, color=VERMILION, ls='--', lw=1)
+        axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d -+ eps')
+        axes.set(xlabel='time [s]', ylabel='x1 [state units]', title='State')
+        axes.legend(loc='best', frameon=False)
+        axes.grid(alpha=0.3)
+        return
+    axes.plot(trace.states[:, 0], trace.states[:, 1], color=BLUE, lw=0.9)
+    axes.plot(*trace.states[0, :2], 'o', color=GREEN, ms=6, label='start x0')
+    angle = np.linspace(0, 2 * np.pi, 200)
+    circle = scenario['tolerance'] * np.array([np.cos(angle), np.sin(angle)])
+    axes.plot(
+        centre[0] + circle[0], centre[1] + circle[1], '--', color=VERMILION, lw=1, label='eps ball'
+    )
+    axes.plot(*centre[:2], '+', color=VERMILION, ms=9, label='set-point x_d')
+    axes.set(xlabel='x1 [state units]', ylabel='x2 [state units]', title='Phase portrait')
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.legend(loc='best', frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _draw_events(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
+    stride = max(1, len(trace.events) // _MOST_RASTER_EVENTS)
+    times, pixels = trace.event_times_s[::stride], trace.event_pixels[::stride]
+    polarity = trace.events['polarity'][::stride]
+    for value, colour, name in ((1, VERMILION, 'ON (+1)'), (-1, BLUE, 'OFF (-1)')):
+        chosen = polarity == value
+        axes.scatter(
+            times[chosen],
+            pixels[chosen],
+            s=14,
+            marker='|',
+            color=colour,
+            label=name,
+            rasterized=len(times) > _MOST_VECTOR_EVENTS,
+        )
+    axes.set(xlabel='time [s]', ylabel='pixel [row-major number]', title='Events')
+    axes.set_xlim(trace.times_s[0], trace.times_s[-1])
+    pixel_count = trace.luminosities.shape[1]
+    axes.set_ylim(-0.6, pixel_count - 0.4)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    # Above the axes: with many pixels every place inside holds events.
+    axes.legend(
+        loc='lower right',
+        bbox_to_anchor=(1, 1),
+        ncols=2,
+        frameon=False,
+        borderaxespad=0,
+        handletextpad=0,
+        columnspacing=0.8,
+    )
+
+
+def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
+    axes.plot(trace.times_s, trace.luminosities[:, 0], color=GREY, lw=1.4, label='luminosity y')
+    axes.step(
+        trace.times_s, trace.estimates[:, 0], where='post', color=BLUE, lw=0.9, label='estimate z'
+    )
+    axes.set(
+        xlabel='time [s]', ylabel='luminosity [luminosity units]', title='Estimate of pixel 0'
+    )
+    axes.legend(loc='best', frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _draw_command(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
+    for i, colour in zip(range(trace.commands.shape[1]), _CYCLE, strict=False):
+        axes.step(
+            trace.times_s,
+            trace.commands[:, i],
+            where='post',
+            color=colour,
+            lw=0.9,
+            label=f'u{i + 1}',
+        )
+    axes.set(xlabel='time [s]', ylabel='command u_o [input units]', title='Command')
+    axes.legend(loc='best', frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
+    relative = np.abs(trace.estimates - trace.luminosities) / np.abs(trace.luminosities)
+    if scenario['photoreceptor'] == 'signed_log':
+        relative[np.abs(trace.luminosities) < scenario['dead_band']] = np.nan
+    axes.plot(trace.times_s, np.nanmax(relative, axis=1), color=BLUE, lw=0.9)
+    axes.axhline(verdict.delta_z, color=VERMILION, ls='--', lw=1, label='sector bound delta_z')
+    axes.legend(loc='lower right', frameon=False)
+    axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|', title='Relative error of the estimate')
+    axes.grid(alpha=0.3)
+
+
+Drawer = Callable[[Axes, Trace, Scenario, Verdict], None]
+_CYCLE = (BLUE, VERMILION, GREEN, GREY)
+_OVERVIEW: tuple[Drawer, ...] = (
+    _draw_error,
+    _draw_phase_portrait,
+    _draw_events,
+    _draw_estimate,
+)
+PANELS: dict[str, Drawer] = {
+    'Error': _draw_error,
+    'Phase portrait': _draw_phase_portrait,
+    'Events': _draw_events,
+    'Estimate': _draw_estimate,
+    'Command': _draw_command,
+    'Relative error of the estimate': _draw_sector,
+}

@@ -1,0 +1,116 @@
+"""What a run left behind, decoded from its messages into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_common.scenario.model import FloatArray
+from dvs_common.wire import topics
+from dvs_common.wire.events import EVENT_DTYPE, parse_events
+from dvs_common.wire.messages import (
+    luminosity_image,
+    parse_array,
+    parse_command,
+    parse_image,
+    parse_state,
+)
+
+Messages = Mapping[str, Sequence[bytes]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """Signals of a closed-loop run on its samples.
+
+    Parameters
+    ----------
+    times_s
+        Time of every complete sample from the first one on, s, shape (K,).
+    states
+        Plant states, shape (K, n).
+    luminosities
+        y, shape (K, r).
+    estimates
+        z as the controller published it, shape (K, r).
+    commands
+        u_o, shape (K, m).
+    events
+        All events as records of `EVENT_DTYPE`.
+    event_times_s
+        Time of every event from the first sample on, s, shape (E,).
+    width
+        Columns of the pixel array.
+    """
+
+    times_s: FloatArray
+    states: FloatArray
+    luminosities: FloatArray
+    estimates: FloatArray
+    commands: FloatArray
+    events: NDArray[np.void]
+    event_times_s: FloatArray
+    width: int
+
+    @property
+    def event_pixels(self) -> NDArray[np.intp]:
+        """Row-major pixel number of every event, shape (E,)."""
+        return np.asarray(
+            self.events['y'].astype(np.intp) * self.width + self.events['x'], dtype=np.intp
+        )
+
+
+class IncompleteTraceError(ValueError):
+    """Messages of a run that do not belong together: something was lost."""
+
+
+def decode_trace(messages: Messages) -> Trace:
+    """Trace of the serialized messages of a run, in the order of their publication.
+
+    Parameters
+    ----------
+    messages
+        CDR bytes by topic.
+
+    Raises
+    ------
+    IncompleteTraceError
+        If a topic is empty, or its samples are not those of the commands.
+    """
+    commands = [parse_command(message) for message in messages[topics.COMMAND]]
+    states = {v.stamp_ns: v.values for v in map(parse_state, messages[topics.STATE])}
+    frames = {f.stamp_ns: f for f in map(parse_image, messages[topics.LUMINOSITY])}
+    packets = {p.stamp_ns: p for p in map(parse_events, messages[topics.EVENTS])}
+    estimates = [parse_array(message) for message in messages[topics.ESTIMATE]]
+    stamps = [command.stamp_ns for command in commands]
+    if not stamps:
+        raise IncompleteTraceError('no command was recorded')
+    if len(estimates) != len(stamps):
+        raise IncompleteTraceError(f'{len(stamps)} commands but {len(estimates)} estimates')
+    for name, found in (('state', states), ('luminosity', frames), ('events', packets)):
+        missing = [stamp for stamp in stamps if stamp not in found]
+        if missing:
+            raise IncompleteTraceError(
+                f'{len(missing)} of {len(stamps)} samples have no {name}, the first at '
+                f'{missing[0]} ns'
+            )
+    start_ns = stamps[0]
+    kept = [packets[stamp] for stamp in stamps]
+    event_times_ns = [p.stamp_ns - start_ns + p.events['t'].astype(np.int64) for p in kept]
+    return Trace(
+        times_s=_seconds(np.array(stamps, dtype=np.int64) - start_ns),
+        states=np.array([states[stamp] for stamp in stamps]),
+        luminosities=np.array([luminosity_image(frames[stamp]) for stamp in stamps]),
+        estimates=np.array(estimates),
+        commands=np.array([command.values for command in commands]),
+        events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
+        event_times_s=_seconds(np.concatenate(event_times_ns)),
+        width=frames[start_ns].format.width,
+    )
+
+
+def _seconds(nanoseconds: NDArray[np.int64]) -> FloatArray:
+    return np.asarray(nanoseconds * 1e-9, dtype=np.float64)

@@ -1,0 +1,214 @@
+"""Did the run regulate, and did the estimate stay in its sector?"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.analysis.sector import sector
+from dvs_simulation.judging.trace import Trace
+
+# Rounding of log, exp and the thresholds; the sector bound itself leaves no room.
+SECTOR_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Figures of one closed-loop run; the fields are the keys of `result.json`.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    regulated
+        Whether `limsup_error` is below `tolerance`.
+    interrupted
+        Whether the run was stopped before its end.
+    tolerance
+        eps.
+    final_error
+        ``||x - x_d||`` at the last sample.
+    limsup_error
+        Largest ``||x - x_d||`` over the last third of the run.
+    sector_ratio_max
+        Largest ``|z - y| / (delta_z |y|)`` over all pixels and samples outside the dead band.
+    delta_z
+        Bound of Lemma 4 on ``|z - y| / |y|``, the largest of all pixels.
+    pixels
+        r.
+    events
+        Number of events.
+    events_per_pixel
+        ``events / r``.
+    cycles
+        Number of commands.
+    samples_skipped
+        Number of samples without a command: a plant on the wall clock skips what it is late for.
+    cycles_per_second
+        Commands a wall-clock second.
+    wall_seconds
+        Wall-clock time from the first sample with a command to the last command, s.
+    simulated_seconds
+        Length of the run in its own time, s.
+    h
+        Event threshold.
+    h_star
+        Published bound on h for the controller that ran.
+    """
+
+    scenario: str
+    regulated: bool
+    interrupted: bool
+    tolerance: float
+    final_error: float
+    limsup_error: float
+    sector_ratio_max: float
+    delta_z: float
+    pixels: int
+    events: int
+    events_per_pixel: float
+    cycles: int
+    samples_skipped: int
+    cycles_per_second: float
+    wall_seconds: float
+    simulated_seconds: float
+    h: float
+    h_star: float
+
+    @property
+    def sector_held(self) -> bool:
+        """Whether the bound of Lemma 4 held at every sample."""
+        return self.sector_ratio_max <= 1 + SECTOR_ROUNDING
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run regulated and the sector bound held."""
+        return self.regulated and self.sector_held
+
+    def save(self, path: Path) -> None:
+        """Write `result.json`.
+
+        Parameters
+        ----------
+        path
+            File to write.
+        """
+        path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n', encoding='utf-8')
+
+    def __str__(self) -> str:
+        """Return the verdict as a few readable lines."""
+        word = 'regulated' if self.regulated else 'NOT regulated'
+        word += ' (interrupted)' if self.interrupted else ''
+        held = 'held' if self.sector_held else 'VIOLATED'
+        skipped = f', {self.samples_skipped} samples skipped' if self.samples_skipped else ''
+        return '\n'.join(
+            (
+                f'{self.scenario}: {word}',
+                f'  limsup ||x - x_d||   {self.limsup_error:.6f}   (last third; eps = '
+                f'{self.tolerance:g})',
+                f'  final  ||x - x_d||   {self.final_error:.6f}',
+                f'  sector bound         {held}, worst |z - y| / (delta_z |y|) = '
+                f'{self.sector_ratio_max:.6f}',
+                f'  threshold            h = {self.h:g}, h* = {self.h_star:.5f}',
+                f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
+                f'{self.pixels} pixels)',
+                f'  speed                {self.cycles} cycles, {self.cycles_per_second:.0f} '
+                f'cycles/s, {self.simulated_seconds / max(self.wall_seconds, 1e-9):.2f} x real '
+                f'time{skipped}',
+            )
+        )
+
+
+def judge(
+    trace: Trace,
+    scenario: Scenario,
+    *,
+    name: str,
+    h_star: float,
+    wall_seconds: float,
+    interrupted: bool,
+    bounds: ReferenceBounds | None = None,
+) -> Verdict:
+    """Verdict on a run.
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    name
+        Name of the scenario.
+    h_star
+        Published bound on h for the controller that ran.
+    wall_seconds
+        Wall-clock time from the first sample with a command to the last command, s.
+    interrupted
+        Whether the run was stopped before its end.
+    bounds
+        Bounds m, M of q(0); those around the first luminosity for None.
+    """
+    errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
+    settled = trace.times_s >= trace.times_s[-1] * (2 / 3)
+    limsup = float(errors[settled].max())
+    cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
+    return Verdict(
+        scenario=name,
+        regulated=limsup < scenario['tolerance'],
+        interrupted=interrupted,
+        tolerance=scenario['tolerance'],
+        final_error=float(errors[-1]),
+        limsup_error=limsup,
+        sector_ratio_max=float(sector_ratios(trace, scenario, bounds).max(initial=0.0)),
+        delta_z=float(_error_bound(trace, scenario, bounds).max()),
+        pixels=pixels,
+        events=len(trace.events),
+        events_per_pixel=len(trace.events) / pixels,
+        cycles=cycles,
+        samples_skipped=round(trace.times_s[-1] / scenario['sampling_period']) + 1 - cycles,
+        cycles_per_second=(cycles - 1) / wall_seconds if wall_seconds > 0 else 0.0,
+        wall_seconds=wall_seconds,
+        simulated_seconds=float(trace.times_s[-1]),
+        h=scenario['event_threshold'],
+        h_star=h_star,
+    )
+
+
+def sector_ratios(
+    trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None = None
+) -> FloatArray:
+    """``|z - y| / (delta_z |y|)`` at every sample and pixel outside the dead band, flat (Lemma 4).
+
+    Parameters
+    ----------
+    trace
+        Signals of the run.
+    scenario
+        Its parameters.
+    bounds
+        Bounds m, M of q(0); those around the first luminosity for None.
+    """
+    bound = _error_bound(trace, scenario, bounds)
+    y = trace.luminosities
+    # No estimate is in the sector of y = 0: the ratio is infinite, or the pixel is silent.
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ratios: FloatArray = np.abs(trace.estimates - y) / (bound * np.abs(y))
+    if scenario['photoreceptor'] == 'signed_log':
+        outside = np.abs(y) >= float(scenario['dead_band'])
+        return np.asarray(ratios[outside])
+    return ratios.ravel()
+
+
+def _error_bound(trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None) -> FloatArray:
+    return sector(
+        bounds or scenario.reference_bounds(trace.luminosities[0]),
+        event_threshold=scenario['event_threshold'],
+        log_base=scenario['log_base'],
+    ).error_bound

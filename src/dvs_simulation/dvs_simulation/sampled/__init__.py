@@ -1,0 +1,1 @@
+"""The sampled loop of the nodes in one process, without ROS."""

@@ -1,0 +1,150 @@
+"""The sampled loop without ROS: the nodes' own cores in one process, message by message.
+
+Drives the same cores in the same order as the nodes do in lockstep, through the same serialized
+messages, so that it gives the bytes of the ROS loop at any sampling period. (A middleware may fill
+a message up to a multiple of four bytes on its way.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import FloatArray
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.events import pack_events, parse_events
+from dvs_common.wire.messages import (
+    Vector,
+    pack_array,
+    pack_command,
+    pack_image,
+    pack_state,
+    parse_command,
+)
+from dvs_common.wire.topics import COMMAND, ESTIMATE, EVENTS, LUMINOSITY, STATE
+from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.streams.event_records import without_labels
+from dvs_event_camera.streams.image_source import parse_luminosity
+from dvs_hinf_controller.design.design import Design, design_from_scenario
+from dvs_hinf_controller.running.event_controller import EventController
+from dvs_plant_sim.disturbance import disturbed
+from dvs_plant_sim.plant import Plant
+
+_TOPICS = (LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledRun:
+    """Serialized messages of a sampled run.
+
+    Parameters
+    ----------
+    messages
+        CDR bytes by topic, in the order of their publication.
+    design
+        The controller that ran.
+    """
+
+    messages: dict[str, list[bytes]] = field(default_factory=dict)
+    design: Design
+
+
+def run_sampled(scenario: Scenario) -> SampledRun:
+    """Run a scenario in lockstep at its `sampling_period`, without ROS.
+
+    Parameters
+    ----------
+    scenario
+        Checked parameters.
+
+    Raises
+    ------
+    ParameterError
+        If the run has no end, parameters do not fit, (A1) is violated, or a luminosity is not
+        positive where `nonphysical_luminosity` says to stop.
+    SynthesisError
+        If no controller exists.
+    """
+    if not scenario.sample_count:
+        raise ParameterError('duration', scenario['duration'], 'must be > 0 for a sampled run')
+    model = scenario.model
+    model.require_stabilizable()
+    model.require_detectable()
+    design = design_from_scenario(scenario)
+    run = SampledRun(
+        design=design,
+        messages={name: [] for name in _TOPICS},
+    )
+    plant = disturbed(
+        Plant(
+            model,
+            initial_state=scenario.initial_state,
+            period_ns=scenario.sampling_period_ns,
+        ),
+        scenario,
+    )
+    camera = EventCamera.of_scenario(scenario)
+    controller = EventController(
+        design.problem,
+        design.controller,
+        event_threshold=scenario['event_threshold'],
+        command_limit=scenario.command_limit,
+    )
+    for sample in range(scenario.sample_count + 1):
+        stamp_ns = sample * scenario.sampling_period_ns
+        image = _publish_sample(run, scenario, plant.state, stamp_ns)
+        packets = _expose(run, camera, image)
+        command = _command(run, controller, packets)
+        if sample < scenario.sample_count:
+            plant.advance(scenario.sampling_period_ns, command)
+    return run
+
+
+def _publish_sample(
+    run: SampledRun, scenario: Scenario, state: FloatArray, stamp_ns: int
+) -> bytes:
+    model, scene = scenario.model, scenario.scene
+    luminosity = scene.luminosity(model, state)
+    if scenario['photoreceptor'] == 'log' and luminosity.min() <= 0:
+        luminosity = _nonphysical(scenario, luminosity, stamp_ns)
+    image = pack_image(stamp_ns, luminosity.reshape(scene.height, scene.width), '64FC1')
+    names = tuple(f'x{i + 1}' for i in range(model.state_count))
+    run.messages[LUMINOSITY].append(image)
+    run.messages[STATE].append(pack_state(Vector(stamp_ns=stamp_ns, names=names, values=state)))
+    return image
+
+
+def _nonphysical(scenario: Scenario, luminosity: FloatArray, stamp_ns: int) -> FloatArray:
+    policy = scenario['nonphysical_luminosity']
+    if policy == 'stop':
+        raise ParameterError(
+            'initial_state',
+            scenario.initial_state.tolist(),
+            f'leads to the luminosity {luminosity.min():.6g} <= 0 at {stamp_ns * 1e-9:.6f} s '
+            '(nonphysical_luminosity: stop; photoreceptor: log)',
+        )
+    return np.maximum(luminosity, scenario['dead_band']) if policy == 'clamp' else luminosity
+
+
+def _expose(run: SampledRun, camera: EventCamera, image: bytes) -> list[bytes]:
+    exposure = camera.take(parse_luminosity(image))
+    assert exposure is not None
+    packets = [pack_events(without_labels(packet)) for packet in exposure.packets]
+    run.messages[EVENTS] += packets
+    return packets
+
+
+def _command(run: SampledRun, controller: EventController, packets: list[bytes]) -> FloatArray:
+    """Command that answers the last of the packets, as the plant reads it."""
+    message = b''
+    for packet in map(parse_events, packets):
+        controller.take(packet)
+        names = tuple(f'u{i + 1}' for i in range(controller.command.size))
+        message = pack_command(
+            Vector(stamp_ns=packet.stamp_ns, names=names, values=controller.command)
+        )
+        run.messages[COMMAND].append(message)
+        run.messages[ESTIMATE].append(pack_array(controller.estimate))
+    return parse_command(message).values

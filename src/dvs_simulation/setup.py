@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = 'dvs_simulation'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=False,
+    maintainer='DVS regulation developers',
+    maintainer_email='maintainers@example.org',
+    description='Simulation without ROS: exact hybrid automaton, sampled loop, judging, sweeps, the paper.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'dvs_simulation = dvs_simulation.cli:main',
+        ],
+    },
+)

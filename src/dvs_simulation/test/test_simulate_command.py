@@ -1,0 +1,66 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from dvs_simulation.cli import main
+
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
+
+SCENARIO = """
+/**:
+  ros__parameters:
+    duration: {duration}
+    event_threshold: {threshold}
+"""
+
+
+def params_file(tmp_path, duration=2.0, threshold=0.15):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(SCENARIO.format(duration=duration, threshold=threshold))
+    return str(path)
+
+
+def simulate(tmp_path, *options, **parameters):
+    file = params_file(tmp_path, **parameters)
+    code = main(['simulate', '--params-file', file, '--output', str(tmp_path / 'out'), *options])
+    path = tmp_path / 'out' / 'result.json'
+    return code, json.loads(path.read_text()) if path.exists() else None
+
+
+def test_an_exact_run_writes_result_and_figure(tmp_path, capsys):
+    code, result = simulate(tmp_path)
+    assert code == 0
+    assert result['regulated'] is True
+    assert result['outcome'] == 'completed'
+    assert result['limsup_error'] < result['tolerance']
+    assert 0.5 < result['sector_ratio_max'] <= 1
+    assert result['h_certified'] < result['h'] < result['h_star']
+    assert (tmp_path / 'out' / 'figure.png').stat().st_size > 20_000
+    assert 'regulated' in capsys.readouterr().out
+
+
+def test_a_run_that_leaves_its_tolerance_says_so(tmp_path, capsys):
+    code, result = simulate(tmp_path, '--event-threshold', '0.5', '--duration', '10')
+    assert code == 1
+    assert result['regulated'] is False
+    assert 'not regulated' in capsys.readouterr().out
+
+
+def test_the_sampled_mode_gives_the_verdict_of_the_ros_loop(tmp_path):
+    code, result = simulate(tmp_path, '--sampled', duration=1.0)
+    assert code == 0
+    assert result['cycles'] == 1001
+    assert result['regulated'] is True
+
+
+@pytest.mark.parametrize('option', ['--duration', '--event-threshold'])
+def test_bad_values_are_named(tmp_path, capsys, option):
+    code, _ = simulate(tmp_path, option, '-1')
+    assert code != 0
+    assert option[2:].replace('-', '_') in capsys.readouterr().err
+
+
+def test_a_plant_of_its_own_is_not_simulated(capsys):
+    assert main(['simulate', '--params-file', str(CONFIG / 'pendulum.yaml')]) == 2
+    assert 'plant_executable = dvs_plant_sim/pendulum_sim: is not' in capsys.readouterr().err

@@ -1,0 +1,140 @@
+"""The figures of a verdict against runs whose figures are known by construction."""
+
+import json
+import math
+import warnings
+
+import numpy as np
+import pytest
+from recorded_messages import recorded
+
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.scenario.scenario import Scenario
+from dvs_simulation.judging.trace import decode_trace
+from dvs_simulation.judging.verdict import Verdict, judge, sector_ratios
+
+H = 0.15
+SCENARIO = Scenario.from_values(
+    {
+        'event_threshold': H,
+        'reference_lower': [1.0],
+        'reference_upper': [1.2],
+        'set_point': [1.0, 0.0],
+        'tolerance': 0.05,
+    }
+)
+# Lemma 4 with m = 1, M = 1.2.
+RHO = math.exp(-H)
+BOUND = (1.2 - RHO**2) / (1.2 + RHO**2)
+
+
+def run(errors, *, ratios=0.0, luminosity=(2.0, 3.0, 4.0)):
+    """Trace with these errors of the state, and estimates off by these shares of the bound."""
+    luminosity = np.array(luminosity)
+    samples = [
+        ([1.0, error], luminosity, luminosity * (1 + BOUND * np.broadcast_to(ratio, 3)))
+        for error, ratio in zip(errors, np.broadcast_to(ratios, len(errors)), strict=True)
+    ]
+    return decode_trace(recorded(samples, events_per_sample=3))
+
+
+def judged(trace, scenario=SCENARIO, **options):
+    defaults = {'name': 'test', 'h_star': 0.2, 'wall_seconds': 2.0, 'interrupted': False}
+    return judge(trace, scenario, **{**defaults, **options})
+
+
+def test_the_long_run_is_the_last_third():
+    # Samples 0 to 9: the last third begins with sample 6.
+    errors = [9, 9, 9, 9, 9, 9, 0.04, -0.03, 0.01, 0.02]
+    verdict = judged(run(errors))
+
+    assert verdict.limsup_error == pytest.approx(0.04)
+    assert verdict.final_error == pytest.approx(0.02)
+    assert verdict.regulated
+    errors[6] = 0.051
+    assert not judged(run(errors)).regulated
+
+
+def test_an_error_of_exactly_the_tolerance_is_too_much():
+    assert not judged(run([0.0, 0.05])).regulated
+
+
+def test_a_state_that_is_no_number_is_not_regulated():
+    assert not judged(run([0.0, math.nan])).regulated
+
+
+def test_ratios_are_relative_to_the_sector_of_every_pixel():
+    trace = run([0.0] * 4, ratios=[0.0, 0.5, -0.9, 1.0])
+
+    np.testing.assert_allclose(
+        sector_ratios(trace, SCENARIO).reshape(4, 3), np.outer([0, 0.5, 0.9, 1], np.ones(3))
+    )
+
+
+@pytest.mark.parametrize(('ratio', 'held'), [(1.0, True), (-1.0, True), (1.00001, False)])
+def test_the_sector_bound_leaves_room_for_rounding_only(ratio, held):
+    verdict = judged(run([0.0, 0.0], ratios=ratio))
+
+    assert verdict.sector_held is held
+    assert verdict.passed is held
+    assert ('held' in str(verdict)) is held
+    assert ('VIOLATED' in str(verdict)) is not held
+
+
+def test_one_sample_outside_of_the_sector_is_enough():
+    assert not judged(run([0.0] * 30, ratios=[0.5] * 17 + [1.1] + [0.5] * 12)).sector_held
+
+
+def test_in_the_dead_band_nothing_is_judged():
+    signed = SCENARIO.replace(photoreceptor='signed_log', dead_band=1e-4)
+    trace = run([0.0, 0.0], ratios=5.0, luminosity=(0.0, 0.99e-4, -0.5e-4))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert judged(trace, signed).sector_ratio_max == 0
+        outside = run([0.0, 0.0], ratios=5.0, luminosity=(0.0, 0.99e-4, -1.0e-4))
+        assert judged(outside, signed).sector_ratio_max == pytest.approx(5.0)
+
+
+def test_a_wrong_sign_is_outside_of_the_sector():
+    signed = SCENARIO.replace(photoreceptor='signed_log')
+    assert judged(run([0.0, 0.0], ratios=-2 / BOUND), signed).sector_ratio_max > 1
+
+
+def test_counts_and_rates():
+    verdict = judged(run([0.0] * 5))
+
+    assert (verdict.cycles, verdict.pixels, verdict.events) == (5, 3, 12)
+    assert verdict.events_per_pixel == 4
+    assert verdict.cycles_per_second == 2.0
+    assert verdict.simulated_seconds == pytest.approx(4e-3)
+    assert judged(run([0.0]), wall_seconds=0.0).cycles_per_second == 0
+
+
+def test_skipped_samples_are_counted():
+    messages = recorded([([1.0, 0.0], [2.0] * 3, [2.0] * 3)] * 10)
+    late = {topic: [*stream[:4], *stream[7:]] for topic, stream in messages.items()}
+
+    verdict = judged(decode_trace(late))
+
+    assert (verdict.cycles, verdict.samples_skipped) == (7, 3)
+    assert '3 samples skipped' in str(verdict)
+    assert 'skipped' not in str(judged(decode_trace(messages)))
+
+
+def test_the_bound_is_that_of_the_widest_sector():
+    bounds = ReferenceBounds(lower=np.array([1.0, 1.0, 1.0]), upper=np.array([1.0, 1.2, 1.1]))
+
+    assert judged(run([0.0]), bounds=bounds).delta_z == pytest.approx(BOUND)
+
+
+def test_the_file_has_every_figure(tmp_path):
+    verdict = judged(run([0.0, 0.01]), interrupted=True)
+    verdict.save(tmp_path / 'result.json')
+
+    saved = json.loads((tmp_path / 'result.json').read_text())
+
+    assert Verdict(**saved) == verdict
+    assert saved['interrupted'] is True
+    assert (saved['h'], saved['h_star'], saved['tolerance']) == (H, 0.2, 0.05)
+    assert '(interrupted)' in str(verdict)
