@@ -117,3 +117,18 @@ def test_closed_loop_can_be_stopped_while_it_starts(domain, processes, tmp_path)
     assert code == 0, output
     assert 'Traceback' not in output
     assert not [pid for pid in nodes if is_running(pid)]
+
+
+def test_closed_loop_killed_by_force_leaves_no_node(domain, processes, tmp_path):
+    arguments = ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', str(tmp_path)]
+    process = start('closed_loop', domain, [*arguments, '--duration', '1000'])
+    processes.append(process)
+    with listening(domain) as listener:
+        assert listener.spin_until(lambda: len(listener.streams['command']) > 3000)
+    nodes = children(process.pid)
+    assert len(nodes) == 3
+
+    process.kill()
+    process.wait()
+
+    assert wait_for(lambda: not any(map(is_running, nodes)))

@@ -1,4 +1,8 @@
 import csv
+import os
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -6,6 +10,7 @@ import pytest
 from dvs_common.errors import ParameterError
 from dvs_simulation.cli import main
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
+from dvs_simulation.sweep.cluster import Cluster, TlsFiles
 from dvs_simulation.sweep.pixels import pixels_study, run_pixels_task
 from dvs_simulation.sweep.runner import run_study
 from dvs_simulation.sweep.study import Study, Task
@@ -32,7 +37,7 @@ def squares(count: int, **options: object) -> Study:
 
 
 def run_here(study, path, scheduler=None):
-    return run_study(study, path, processes=False, workers=1, progress=False)
+    return run_study(study, path, cluster=Cluster(processes=False, workers=1), progress=False)
 
 
 def test_every_task_is_run_once_whatever_the_number_of_slots(tmp_path):
@@ -66,7 +71,7 @@ def test_a_killed_sweep_goes_on_and_counts_nothing_twice(tmp_path):
 def test_a_finished_sweep_starts_no_cluster(tmp_path):
     path = tmp_path / 'table.csv'
     run_here(squares(2), path)
-    run_study(squares(2), path, scheduler='tcp://127.0.0.1:1', progress=False)
+    run_study(squares(2), path, cluster=Cluster(scheduler='tcp://127.0.0.1:1'), progress=False)
 
 
 def test_another_sweep_is_not_continued(tmp_path):
@@ -143,9 +148,48 @@ def test_a_number_that_makes_no_sense_is_refused(option, value, rule, tmp_path, 
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nowhere'])
 def test_a_scheduler_that_does_not_answer_is_named(address, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('dvs_simulation.sweep.runner._ANSWER_S', 1)
+    monkeypatch.setattr('dvs_simulation.sweep.cluster._ANSWER_S', 1)
     arguments = ['sweep', '--study', 'pixels', '--output', str(tmp_path / 'out.csv')]
 
     assert main([*arguments, '--scheduler', address, '--no-progress']) == 2
 
     assert f'scheduler = {address}: does not answer' in capsys.readouterr().err
+
+
+def listening_addresses(pids):
+    """Local addresses (hexadecimal) of the TCP sockets that the processes listen on."""
+    inodes = {
+        str(link.readlink())
+        for pid in pids
+        for link in Path(f'/proc/{pid}/fd').iterdir()
+        if link.is_symlink()
+    }
+    rows = [
+        line.split()
+        for table in ('tcp', 'tcp6')
+        for line in Path(f'/proc/net/{table}').read_text().splitlines()[1:]
+    ]
+    return {
+        row[1].split(':')[0] for row in rows if row[3] == '0A' and f'socket:[{row[9]}]' in inodes
+    }
+
+
+def test_a_local_cluster_listens_on_loopback_alone_and_has_no_page():
+    with Cluster(workers=1).client() as client:
+        children = client.run(os.getpid).values()
+        addresses = listening_addresses({os.getpid(), *children})
+        port = client.scheduler_info()['services']['dashboard']
+        with pytest.raises(HTTPError, match='404'):
+            urlopen(f'http://127.0.0.1:{port}/status')
+
+    assert addresses == {'0100007F'}
+
+
+def test_a_scheduler_with_tls_needs_its_files(tmp_path):
+    files = TlsFiles(authority=tmp_path / 'ca', certificate=tmp_path / 'c', key=tmp_path / 'k')
+
+    with pytest.raises(ParameterError, match='tls'), Cluster(scheduler='tls://h:1').client():
+        pass
+    cluster = Cluster(scheduler='tls://h:1', tls=files)
+    with pytest.raises(ParameterError, match='is not a file'), cluster.client():
+        pass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,8 @@ from dvs_common.errors import ParameterError
 from dvs_common.node.node_plan import NodePlan
 
 _GRACE_S = 5.0
+# Isolated and without site packages: quick, and deaf to the user's Python settings.
+_TIED_TO_US = (sys.executable, '-I', '-S', Path(__file__).with_name('ends_with_parent.py'))
 
 
 def executable_path(package: str, executable: str) -> Path:
@@ -77,7 +80,7 @@ class NodeProcess:
         environment.setdefault('RCUTILS_CONSOLE_OUTPUT_FORMAT', '[{name}] {severity}: {message}')
         with _interrupts_ignored():
             self._process = subprocess.Popen(
-                [program_path(plan), *plan.arguments],
+                [*_TIED_TO_US, str(os.getpid()), program_path(plan), *plan.arguments],
                 env=environment,
                 stdin=subprocess.DEVNULL,
             )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dvs_common.errors import ParameterError
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
+from dvs_simulation.sweep.cluster import Cluster, TlsFiles
 from dvs_simulation.sweep.pixels import pixels_study
 from dvs_simulation.sweep.runner import run_study
 from dvs_simulation.sweep.study import Study
@@ -43,6 +44,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seed', type=int, default=0, help='seed of everything random')
     parser.add_argument('--scheduler', metavar='ADDRESS', help='Dask scheduler, tcp://host:8786')
     parser.add_argument('--workers', type=int, help='local workers (one a core)')
+    parser.add_argument(
+        '--dask-dashboard', type=int, metavar='PORT', help="Dask's web page on 127.0.0.1 (off)"
+    )
+    parser.add_argument(
+        '--tls',
+        type=Path,
+        nargs=3,
+        metavar=('CA', 'CERT', 'KEY'),
+        help='PEM files for a tls:// scheduler',
+    )
     parser.add_argument('--no-progress', action='store_true', help='no progress bar')
 
 
@@ -59,7 +70,13 @@ def run(options: argparse.Namespace) -> int:
     ParameterError
         If an argument breaks its rule.
     """
-    for name, least in (('runs', 1), ('plants', 1), ('workers', 1), ('seed', 0)):
+    for name, least in (
+        ('runs', 1),
+        ('plants', 1),
+        ('workers', 1),
+        ('seed', 0),
+        ('dask_dashboard', 1),
+    ):
         value = getattr(options, name)
         if value is not None and value < least:
             raise ParameterError(name, value, f'must be >= {least}')
@@ -68,8 +85,7 @@ def run(options: argparse.Namespace) -> int:
     table = run_study(
         study,
         path,
-        scheduler=options.scheduler,
-        workers=options.workers,
+        cluster=_cluster(options),
         progress=not options.no_progress,
     )
     rows = table.rows()
@@ -77,6 +93,19 @@ def run(options: argparse.Namespace) -> int:
     save_study_figure(study.name, rows, figure)
     print(f'{len(rows)} runs in {path}, figure in {figure}')
     return _report(study, rows)
+
+
+def _cluster(options: argparse.Namespace) -> Cluster:
+    tls = None
+    if options.tls:
+        authority, certificate, key = options.tls
+        tls = TlsFiles(authority=authority, certificate=certificate, key=key)
+    return Cluster(
+        scheduler=options.scheduler,
+        workers=options.workers,
+        dashboard_port=options.dask_dashboard,
+        tls=tls,
+    )
 
 
 def _study(options: argparse.Namespace) -> Study:
