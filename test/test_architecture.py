@@ -82,3 +82,10 @@ def test_every_ros_room_is_one():
         for stem in stems:
             loaded = set(loaded_at_once(MODULES[f'{package}.{stem}']))
             assert any(map(is_ros, loaded)), f'{package}.{stem} is a core'
+
+
+@pytest.mark.parametrize('name', [name for name in MODULES if name != 'dvs_common.drawing'])
+def test_matplotlib_is_loaded_in_one_place(name):
+    loaded = {module.partition('.')[0] for module in loaded_at_once(MODULES[name])}
+
+    assert 'matplotlib' not in loaded

@@ -9,12 +9,15 @@ from loop_support import (
     CONFIG,
     environment,
     listening,
+    operating,
     program,
     run_closed_loop,
     start,
     stop,
     wait_for,
 )
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Image
 
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_closed_loop.bags.bag_recorder_node import BagRecorder
@@ -219,3 +222,21 @@ def test_wrong_arguments_are_one_clear_message(arguments, message, domain, tmp_p
     assert message in result.stderr
     assert result.stderr.count('\n') == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_best_effort_camera_is_recorded_and_said_to_be_one(domain, processes, tmp_path):
+    recorder = start(
+        'dvs_closed_loop', domain, ['record', str(tmp_path / 'bag'), '--topics', 'luminosity']
+    )
+    processes.append(recorder)
+    image = Image(height=1, width=2, encoding='mono8', step=2, data=[1, 2])
+    with operating(domain) as camera:
+        publisher = camera.node.create_publisher(Image, 'luminosity', qos_profile_sensor_data)
+        camera.node.create_timer(0.05, lambda: publisher.publish(image))
+        assert camera.spin_until(lambda: publisher.get_subscription_count() > 0)
+        camera.spin_until(lambda: False, timeout_s=0.5)
+    code, output = stop(recorder)
+
+    assert code == 0, output
+    assert 'luminosity has a publisher with best-effort QoS' in output
+    assert len(read_bag(tmp_path / 'bag').messages) >= 3

@@ -25,3 +25,20 @@ def test_only_the_token_of_lockstep_waits_for_a_late_reader(mode, durability):
     assert (qos.reliability, qos.history) == (ReliabilityPolicy.RELIABLE, HistoryPolicy.KEEP_LAST)
     assert topics.stream_qos().durability == DurabilityPolicy.VOLATILE
     assert topics.handshake_qos(mode).depth == topics.stream_qos().depth == 100
+
+
+@pytest.mark.parametrize(
+    ('offered', 'reliability', 'durability'),
+    [
+        ([], 'RELIABLE', 'TRANSIENT_LOCAL'),
+        ([topics.latched_qos()], 'RELIABLE', 'TRANSIENT_LOCAL'),
+        ([topics.latched_qos(), topics.stream_qos()], 'RELIABLE', 'VOLATILE'),
+        ([topics.latched_qos(), topics.clock_qos()], 'BEST_EFFORT', 'VOLATILE'),
+    ],
+)
+def test_a_subscription_asks_for_what_every_publisher_offers(offered, reliability, durability):
+    asked = topics.latched_qos(12)
+    fitting = topics.fitting_qos(asked, offered)
+
+    assert (fitting.reliability.name, fitting.durability.name) == (reliability, durability)
+    assert (fitting.depth, asked.reliability.name) == (12, 'RELIABLE')

@@ -5,11 +5,9 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from dvs_common.drawing import Axes, Figure, drawing
 from dvs_common.scenario.model import FloatArray
 
 # Okabe and Ito (2008), in the order of use; tested for all common colour vision deficiencies.
@@ -47,8 +45,7 @@ STYLE: dict[str, Any] = {
 
 def in_style() -> AbstractContextManager[None]:
     """Context in which figures are drawn and written in the common look."""
-    context: AbstractContextManager[None] = mpl.rc_context(STYLE)
-    return context
+    return drawing(STYLE)
 
 
 def new_figure(

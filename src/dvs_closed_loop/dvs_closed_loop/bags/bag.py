@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader, ReaderError
 
+from dvs_closed_loop.bags.loop_topics import choose_topics
 from dvs_closed_loop.bags.recording import NAME_KEY, PARAMETERS_KEY
-from dvs_closed_loop.bags.streams import STREAMS, base_name
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
 
@@ -99,7 +98,11 @@ class RecordedBag:
 
 
 def read_bag(
-    path: Path, *, namespace: str | None = None, topics: list[str] | None = None
+    path: Path,
+    *,
+    namespace: str | None = None,
+    topics: list[str] | None = None,
+    given: Mapping[str, str] | None = None,
 ) -> RecordedBag:
     """Messages of one loop in a rosbag2 of whatever storage and writer.
 
@@ -111,6 +114,8 @@ def read_bag(
         Namespace of the loop; None for the only one in the bag.
     topics
         Topics of the wire contract to read; None for all.
+    given
+        Full names of topics of the contract that are called otherwise in the bag.
 
     Raises
     ------
@@ -119,30 +124,39 @@ def read_bag(
         was chosen.
     """
     with _opened(path) as reader:
-        chosen = _choose_loop(path, reader.connections, namespace)
-        names = {topic: connection.topic for topic, connection in chosen.items()}
-        of_id = {
-            connection.topic: topic
-            for topic, connection in chosen.items()
-            if topics is None or topic in topics
+        found = {connection.topic: connection.msgtype for connection in reader.connections}
+        names = choose_topics(
+            found,
+            namespace=namespace,
+            given=given or {},
+            first_message=lambda topic: _first_message(reader, topic),
+        )
+        if not names:
+            raise ParameterError('bag', path, 'holds no topic of the wire contract')
+        of_name = {
+            name: topic for topic, name in names.items() if topics is None or topic in topics
         }
-        wanted = [c for c in reader.connections if c.topic in of_id]
+        wanted = [c for c in reader.connections if c.topic in of_name]
         messages = tuple(
-            RecordedMessage(topic=of_id[connection.topic], received_ns=time_ns, data=bytes(data))
+            RecordedMessage(topic=of_name[connection.topic], received_ns=time_ns, data=bytes(data))
             for connection, time_ns, data in (reader.messages(wanted) if wanted else ())
         )
         custom = reader.storage.metadata.custom or {}
-        ignored = {c.topic for c in reader.connections} - set(names.values())
         scenario = custom.get(PARAMETERS_KEY)
         return RecordedBag(
             path=path,
             messages=tuple(sorted(messages, key=lambda message: message.received_ns)),
             names=names,
-            ignored=tuple(sorted(ignored)),
+            ignored=tuple(sorted(found.keys() - set(names.values()))),
             scenario=None if scenario is None else Scenario.from_values(json.loads(scenario)),
             scenario_name=custom.get(NAME_KEY, path.stem),
             writer=reader.ros_distro or 'unknown',
         )
+
+
+def _first_message(reader: Reader, topic: str) -> bytes | None:
+    wanted = [c for c in reader.connections if c.topic == topic]
+    return next((bytes(data) for _, _, data in reader.messages(wanted)), None)
 
 
 @contextmanager
@@ -162,32 +176,3 @@ def _opened(path: Path) -> Iterator[Reader]:
         raise ParameterError('bag', path, reason) from None
     except _DAMAGE as error:
         raise ParameterError('bag', path, f'is not a readable rosbag2: {error}') from None
-
-
-def _choose_loop(
-    path: Path, connections: list[Connection], namespace: str | None
-) -> dict[str, Connection]:
-    """Connection of every topic of the contract, all of one namespace."""
-    found: dict[str, dict[str, Connection]] = {}
-    absolute: dict[str, Connection] = {}
-    for connection in connections:
-        if connection.topic in STREAMS and connection.topic.startswith('/'):
-            absolute[connection.topic] = connection
-            continue
-        base = base_name(connection.topic)
-        # A loop in a namespace has a clock of its own.
-        stream = STREAMS.get(base) or STREAMS.get('/' + base)
-        if stream is None or stream.type_name != connection.msgtype:
-            continue
-        own = '/' + connection.topic.rpartition('/')[0].strip('/')
-        found.setdefault(own, {})[stream.topic] = connection
-    if not found and namespace is None and absolute:
-        return absolute
-    if not found:
-        raise ParameterError('bag', path, 'holds no topic of the wire contract')
-    if namespace is None and len(found) > 1:
-        raise ParameterError('namespace', '', f'must be one of {", ".join(sorted(found))}')
-    key = next(iter(found)) if namespace is None else '/' + namespace.strip('/')
-    if key not in found:
-        raise ParameterError('namespace', namespace, f'must be one of {", ".join(sorted(found))}')
-    return {**absolute, **found[key]}

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from dvs_closed_loop.bags.recording import BagFullError, BagWriter
@@ -16,6 +16,7 @@ from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
 from dvs_common.wire.index_watch import IndexWatch
+from dvs_common.wire.topics import fitting_qos
 
 # rclpy's executor raises on an event of a subscription that is gone, and `adapt` takes
 # subscriptions away just when a publisher has made such an event.
@@ -45,17 +46,30 @@ class BagRecorder:
         self._subscriptions: dict[Stream, Subscription] = {}
         self._heard: set[str] = set()
         for stream in streams:
-            self._subscribe(stream, latched=stream.latched)
+            qos = stream.offered_qos
+            qos.depth = topics.LISTENER_DEPTH
+            self._subscribe(stream, qos)
 
-    def adapt(self) -> None:
-        """Listen without latching where a publisher does not latch: realtime mode, a driver."""
+    def adapt(self) -> list[str]:
+        """Ask of every stream for what all its publishers offer; return what that costs.
+
+        Some publishers do not latch (realtime mode, a driver), others are best effort (a camera).
+        """
+        said = []
         for stream, subscription in list(self._subscriptions.items()):
-            if not _is_latched(subscription.qos_profile):
-                continue
             publishers = self._node.get_publishers_info_by_topic(subscription.topic_name)
-            if any(not _is_latched(info.qos_profile) for info in publishers):
-                self._node.destroy_subscription(subscription)
-                self._subscribe(stream, latched=False)
+            asked = subscription.qos_profile
+            offered = fitting_qos(asked, [info.qos_profile for info in publishers])
+            if offered == asked:
+                continue
+            self._node.destroy_subscription(subscription)
+            self._subscribe(stream, offered)
+            if offered.reliability != asked.reliability:
+                said.append(
+                    f'{stream.topic} has a publisher with best-effort QoS: recorded best effort, '
+                    'what is lost on the way is not sent again'
+                )
+        return said
 
     def newly_heard(self) -> list[str]:
         """Topics whose first publisher has been matched since the last call."""
@@ -64,11 +78,7 @@ class BagRecorder:
         self._heard |= new
         return sorted(new)
 
-    def _subscribe(self, stream: Stream, *, latched: bool) -> None:
-        qos = stream.offered_qos
-        if not latched:
-            qos.durability = DurabilityPolicy.VOLATILE
-        qos.depth = topics.LISTENER_DEPTH
+    def _subscribe(self, stream: Stream, qos: QoSProfile) -> None:
         self._subscriptions[stream] = self._node.create_subscription(
             stream.message_type,
             stream.topic,
@@ -111,7 +121,3 @@ class BagRecorder:
                 f'{lost} events are missing before {packet.stamp_ns * 1e-9:.6f} s '
                 f'({self.index.lost} in all)'
             )
-
-
-def _is_latched(qos: QoSProfile) -> bool:
-    return bool(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
-from dvs_closed_loop.bags.bag import RecordedBag, read_bag
+from dvs_closed_loop.bags.bag import RecordedBag
+from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.model import FloatArray
 from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.stamped import stamp_of
 
 # A cycle passes these topics in this order; each message begins with the sample's stamp.
@@ -77,7 +79,8 @@ def _first_reception(bag: RecordedBag, topic: str) -> dict[int, int]:
     received: dict[int, int] = {}
     for message in bag.messages:
         if message.topic == topic:
-            received.setdefault(stamp_of(message.data), message.received_ns)
+            with suppress(MessageError):
+                received.setdefault(stamp_of(message.data), message.received_ns)
     return received
 
 
@@ -102,8 +105,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser
         Parser of the subcommand.
     """
-    parser.add_argument('bag', type=Path, help='bag of a run, as closed_loop or record writes it')
-    parser.add_argument('--namespace', help='namespace of the loop, if the bag holds several')
+    add_bag_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -114,5 +116,5 @@ def run(options: argparse.Namespace) -> int:
     options
         Parsed command line.
     """
-    print(table(stage_latencies(read_bag(options.bag, namespace=options.namespace))))
+    print(table(stage_latencies(chosen_bag(options))))
     return 0

@@ -9,8 +9,9 @@ import argparse
 import math
 import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser
         Parser to extend.
     """
-    parser.add_argument('bag', type=Path, help='folder of the bag, or a .mcap or .db3 file')
+    add_bag_arguments(parser)
     parser.add_argument('--rate', type=float, default=1.0, help='speed relative to the recording')
     parser.add_argument(
         '--topics', nargs='+', metavar='TOPIC', help='topics of the wire contract (default: all)'
@@ -46,7 +47,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--delay', type=float, default=0.0, help='seconds to wait before the first message'
     )
-    parser.add_argument('--from-namespace', help='loop in the bag, where it holds several')
     parser.add_argument('--namespace', default='', help='namespace to publish into')
 
 
@@ -63,7 +63,6 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the bag can't be read or an argument breaks its rule.
     """
-    from dvs_closed_loop.bags.bag import read_bag
     from dvs_closed_loop.bags.streams import STREAMS, chosen_streams
     from dvs_closed_loop.running.tool_node import tool_node
     from dvs_common.errors import ParameterError
@@ -74,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
         raise ParameterError('delay', options.delay, 'must be a finite number >= 0')
     if options.topics is not None:
         chosen_streams(options.topics)
-    bag = read_bag(options.bag, namespace=options.from_namespace, topics=options.topics)
+    bag = chosen_bag(options, options.topics)
     if not bag.messages:
         raise ParameterError('topics', options.topics, f'have no messages in {options.bag}')
     with tool_node('bag_player', options.namespace, options.ros_arguments) as tool:

@@ -86,7 +86,8 @@ def run(options: argparse.Namespace) -> int:
                     elapsed = time.monotonic() - started
                     if options.duration is not None and elapsed >= options.duration:
                         break
-                    recorder.adapt()
+                    for line in recorder.adapt():
+                        progress.say(line)
                     for topic in recorder.newly_heard():
                         progress.say(f'hears {topic}')
                     if not parameters.complete and time.monotonic() >= next_question:

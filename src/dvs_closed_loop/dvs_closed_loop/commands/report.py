@@ -10,6 +10,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
+
 if TYPE_CHECKING:
     from dvs_closed_loop.bags.recorded_run import RecordedRun
     from dvs_common.scenario.scenario import Scenario
@@ -24,10 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser
         Parser to extend.
     """
-    parser.add_argument('bag', type=Path, help='folder of the bag, or a .mcap or .db3 file')
+    add_bag_arguments(parser)
     parser.add_argument('--params-file', type=Path, help='scenario (default: that of the bag)')
     parser.add_argument('--output', type=Path, help='folder to write to (default: beside the bag)')
-    parser.add_argument('--from-namespace', help='loop in the bag, where it holds several')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -43,22 +44,17 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the bag can't be read, or its scenario is not known.
     """
-    from dvs_closed_loop.bags.bag import read_bag
     from dvs_closed_loop.bags.recorded_run import examine
     from dvs_closed_loop.reports.report_page import report_page
     from dvs_common.errors import ParameterError
     from dvs_common.scenario.scenario import load_scenario
-    from dvs_common.wire.cdr import MessageError
     from dvs_simulation.judging.figure import PANELS, panel_svg, save_figure
     from dvs_simulation.output_folder import output_folder
 
-    bag = read_bag(options.bag, namespace=options.from_namespace)
+    bag = chosen_bag(options)
     scenario = load_scenario(options.params_file) if options.params_file else bag.scenario
     name = options.params_file.stem if options.params_file else bag.scenario_name
-    try:
-        recorded = examine(bag)
-    except MessageError as error:
-        raise ParameterError('bag', options.bag, f'holds a foreign message: {error}') from None
+    recorded = examine(bag)
     if scenario is None:
         raise ParameterError(
             'params-file', None, f'is needed: {options.bag} does not hold its scenario'
@@ -82,6 +78,8 @@ def run(options: argparse.Namespace) -> int:
         encoding='utf-8',
     )
     print(verdict or f'{name}: no sample was recorded whole, so there is no verdict')
+    for line in recorded.troubles:
+        print(f'  note                 {line}')
     print(f'  report               {page}')
     return 0
 

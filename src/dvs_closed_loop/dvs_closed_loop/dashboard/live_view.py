@@ -19,13 +19,12 @@ from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EventPacket, parse_events
 from dvs_common.wire.index_watch import IndexWatch
 from dvs_common.wire.messages import (
-    luminosity_image,
     parse_array,
     parse_command,
-    parse_image,
     parse_state,
 )
 from dvs_common.wire.stamped import stamp_of
+from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.analysis.sector import sector
 
 _SAMPLES_A_FRAME = 12
@@ -208,7 +207,7 @@ class LiveView:
             image = self._luminosities.get(packet[_STAMP])
             if image is None:
                 continue
-            y = luminosity_image(parse_image(image))
+            y = parse_luminosity(image).pixels.reshape(-1).astype(np.float64)
             z = parse_array(estimate)
             if len(y) != len(z) or not len(y):
                 continue

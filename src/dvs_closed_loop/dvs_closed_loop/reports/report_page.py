@@ -125,13 +125,7 @@ def _notes(bag: RecordedBag, recorded: RecordedRun, verdict: Verdict | None) -> 
             'The recording does not begin with the run: the bounds of the initial references are '
             'those of initial_state, and times count from the first complete sample.'
         )
-    if recorded.index.lost:
-        notes.append(
-            f'{recorded.index.lost} events were lost: the recorder, or the controller too, has '
-            'not seen them.'
-        )
-    if recorded.runs > 1:
-        notes.append(f'The bag holds {recorded.runs} runs; this is the last one.')
+    notes += recorded.troubles
     if bag.ignored:
         notes.append(f'Topics not of this loop: {", ".join(bag.ignored)}.')
     return notes

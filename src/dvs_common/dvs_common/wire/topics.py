@@ -5,6 +5,8 @@ The names serve those who have no ROS as well, so that rclpy is imported with th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -107,3 +109,28 @@ def clock_qos() -> QoSProfile:
     from rclpy.qos import QoSProfile, ReliabilityPolicy
 
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def fitting_qos(asked: QoSProfile, offered: Sequence[QoSProfile]) -> QoSProfile:
+    """QoS of a subscription that all publishers of its topic match.
+
+    Parameters
+    ----------
+    asked
+        What the subscription would rather have.
+    offered
+        QoS of every publisher.
+
+    Returns
+    -------
+    QoSProfile
+        Best effort or volatile where one of the publishers is.
+    """
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+    fitting = copy(asked)
+    if any(qos.reliability == ReliabilityPolicy.BEST_EFFORT for qos in offered):
+        fitting.reliability = ReliabilityPolicy.BEST_EFFORT
+    if any(qos.durability == DurabilityPolicy.VOLATILE for qos in offered):
+        fitting.durability = DurabilityPolicy.VOLATILE
+    return fitting

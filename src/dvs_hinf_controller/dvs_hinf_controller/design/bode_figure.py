@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from dvs_common.drawing import Figure, drawing
 from dvs_common.errors import ParameterError
 from dvs_hinf_controller.analysis.mu import log_grid
 from dvs_hinf_controller.design.design import Design
@@ -32,6 +32,16 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
     ParameterError
         If the file cannot be written.
     """
+    if Path(path).is_dir():
+        raise ParameterError('figure', path, 'is a folder')
+    try:
+        with drawing():
+            _bode_figure(designs).savefig(path, dpi=120)
+    except (OSError, ValueError) as error:
+        raise ParameterError('figure', path, f'cannot be written: {error}') from None
+
+
+def _bode_figure(designs: Sequence[Design]) -> Figure:
     figure = Figure(figsize=(8, 6.5), layout='constrained')
     magnitude, phase = figure.subplots(2, 1, sharex=True)
     loops = [state_response(design.problem.model, design.controller) for design in designs]
@@ -56,9 +66,4 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
     phase.set(xlabel='frequency [rad/s]', ylabel='phase of T [degrees]')
     for axes in (magnitude, phase):
         axes.grid(alpha=0.3, which='both')
-    if Path(path).is_dir():
-        raise ParameterError('figure', path, 'is a folder')
-    try:
-        figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
-        raise ParameterError('figure', path, f'cannot be written: {error}') from None
+    return figure

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from dvs_common.drawing import Figure
 from dvs_simulation import plotting
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.signals import estimates_at, luminosities

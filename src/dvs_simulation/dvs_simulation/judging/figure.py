@@ -6,12 +6,9 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
+from dvs_common.drawing import Axes, Figure, MaxNLocator, drawing
 from dvs_common.scenario.scenario import Scenario
 from dvs_simulation.judging.trace import Trace
 from dvs_simulation.judging.verdict import Verdict
@@ -36,7 +33,11 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
     path
         File to write; the ending decides the format.
     """
-    matplotlib.use('Agg', force=False)
+    with drawing():
+        _overview(trace, scenario, verdict).savefig(path, dpi=110)
+
+
+def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
     figure = Figure(figsize=(12, 8), layout='constrained')
     axes = figure.subplots(2, 2)
     for panel, draw in zip(axes.flat, _OVERVIEW, strict=True):
@@ -46,7 +47,7 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
         f'{verdict.scenario}: {word}, r = {verdict.pixels}, h = {verdict.h:g} '
         f'(h* = {verdict.h_star:.4f}), {verdict.events} events'
     )
-    figure.savefig(path, dpi=110)
+    return figure
 
 
 def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> bytes:
@@ -63,12 +64,12 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
     verdict
         Its figures.
     """
-    matplotlib.use('Agg', force=False)
-    figure = Figure(figsize=(6.4, 4.0), layout='constrained')
-    PANELS[name](figure.subplots(), trace, scenario, verdict)
     buffer = io.BytesIO()
-    # Without a date, so that the same run gives the same bytes.
-    figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
+    with drawing():
+        figure = Figure(figsize=(6.4, 4.0), layout='constrained')
+        PANELS[name](figure.subplots(), trace, scenario, verdict)
+        # Without a date, so that the same run gives the same bytes.
+        figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
     return buffer.getvalue()
 
 

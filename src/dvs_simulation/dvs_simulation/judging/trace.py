@@ -11,13 +11,8 @@ from numpy.typing import NDArray
 from dvs_common.scenario.model import FloatArray
 from dvs_common.wire import topics
 from dvs_common.wire.events import EVENT_DTYPE, parse_events
-from dvs_common.wire.messages import (
-    luminosity_image,
-    parse_array,
-    parse_command,
-    parse_image,
-    parse_state,
-)
+from dvs_common.wire.messages import parse_array, parse_command, parse_state
+from dvs_event_camera.streams.image_source import parse_luminosity
 
 Messages = Mapping[str, Sequence[bytes]]
 
@@ -82,7 +77,7 @@ def decode_trace(messages: Messages) -> Trace:
     """
     commands = [parse_command(message) for message in messages[topics.COMMAND]]
     states = {v.stamp_ns: v.values for v in map(parse_state, messages[topics.STATE])}
-    frames = {f.stamp_ns: f for f in map(parse_image, messages[topics.LUMINOSITY])}
+    frames = {f.stamp_ns: f for f in map(parse_luminosity, messages[topics.LUMINOSITY])}
     packets = {p.stamp_ns: p for p in map(parse_events, messages[topics.EVENTS])}
     estimates = [parse_array(message) for message in messages[topics.ESTIMATE]]
     stamps = [command.stamp_ns for command in commands]
@@ -103,12 +98,14 @@ def decode_trace(messages: Messages) -> Trace:
     return Trace(
         times_s=_seconds(np.array(stamps, dtype=np.int64) - start_ns),
         states=np.array([states[stamp] for stamp in stamps]),
-        luminosities=np.array([luminosity_image(frames[stamp]) for stamp in stamps]),
+        luminosities=np.array(
+            [frames[stamp].pixels.reshape(-1) for stamp in stamps], dtype=np.float64
+        ),
         estimates=np.array(estimates),
         commands=np.array([command.values for command in commands]),
         events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
         event_times_s=_seconds(np.concatenate(event_times_ns)),
-        width=frames[start_ns].format.width,
+        width=frames[start_ns].pixels.shape[1],
     )
 
 

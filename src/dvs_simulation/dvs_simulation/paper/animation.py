@@ -5,14 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from PIL import Image
 
+from dvs_common.drawing import Figure, FigureCanvasAgg, Rectangle, colormaps, to_rgb
 from dvs_common.scenario.model import FloatArray
 from dvs_simulation import plotting
 from dvs_simulation.paper.experiments import Experiment
@@ -89,7 +85,7 @@ def event_glow(experiment: Experiment, times: FloatArray) -> FloatArray:
 def _palette() -> Image.Image:
     """One palette for all frames, so that no colour flickers: greys, flashes, lines on greys."""
     greys = np.linspace(0, 1, _GREYS)[:, None] * np.ones(3)
-    flashes = mpl.colormaps['RdBu_r'](np.linspace(0, 1, 64))[:, :3]
+    flashes = colormaps['RdBu_r'](np.linspace(0, 1, 64))[:, :3]
     lines = [to_rgb(c) for c in (plotting.SKY, plotting.VERMILION, plotting.GREEN)]
     backgrounds = (0.35, 0.5, 0.65, 0.8, 0.95, 1.0)
     blends = [

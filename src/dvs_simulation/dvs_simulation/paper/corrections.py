@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from dvs_common.drawing import Axes, Figure
 from dvs_common.scenario.model import FloatArray
 from dvs_hinf_controller.state_space import state_response
 from dvs_simulation import plotting

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from dvs_common.drawing import Figure
 from dvs_common.scenario.model import FloatArray
 from dvs_hinf_controller.state_space import state_response
 from dvs_simulation import plotting

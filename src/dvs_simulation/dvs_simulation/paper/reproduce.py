@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dvs_common.drawing import Figure
 from dvs_simulation import plotting
 from dvs_simulation.output_folder import output_folder
 from dvs_simulation.paper import corrections, figures

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from dvs_common.drawing import Figure
 from dvs_simulation import plotting
 from dvs_simulation.sweep.certificate import summarize_certificate
 from dvs_simulation.sweep.threshold import critical_thresholds

@@ -1,0 +1,55 @@
+"""What a user has set for other programs does not change what the suite does."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+FIGURE = """
+import sys
+from pathlib import Path
+from dvs_common.drawing import Figure, drawing
+with drawing():
+    figure = Figure()
+    figure.subplots().plot([1, 2, 4])
+    figure.savefig(sys.argv[1], metadata={'Software': None})
+"""
+
+
+def figure_drawn(path, folder, **variables):
+    result = subprocess.run(
+        [sys.executable, '-c', FIGURE, str(path)],
+        env={**os.environ, **variables},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 0, result.stderr
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    'variables',
+    [
+        {'MPLBACKEND': 'module://no_such_package.backend'},
+        {'MPLBACKEND': 'TkAgg'},
+        {'MPLBACKEND': 'no backend at all'},
+        {'MPLCONFIGDIR': '/proc/no/such/folder'},
+        {'PYTHONWARNINGS': 'error'},
+        {'LC_ALL': 'C', 'PYTHONOPTIMIZE': '2'},
+    ],
+)
+def test_a_figure_is_the_same_whatever_is_set_around_it(variables, tmp_path):
+    plain = figure_drawn(tmp_path / 'plain.png', tmp_path)
+
+    assert figure_drawn(tmp_path / 'other.png', tmp_path, **variables) == plain
+
+
+def test_a_matplotlibrc_of_the_user_is_left_out(tmp_path):
+    plain = figure_drawn(tmp_path / 'plain.png', tmp_path)
+    (tmp_path / 'matplotlibrc').write_text(
+        'text.usetex: True\nfigure.dpi: 30\nsavefig.format: pdf\nbackend: TkAgg\n'
+    )
+
+    assert figure_drawn(tmp_path / 'other.png', tmp_path) == plain
