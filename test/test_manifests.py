@@ -56,7 +56,11 @@ def imported(package: Path, *, tests: bool) -> set[str]:
     files = {path for path in package.rglob('*.py') if path.name != 'setup.py'}
     of_tests = set((package / 'test').rglob('*.py'))
     chosen = of_tests if tests else files - of_tests
-    own = {package.name, *(path.stem for path in (ROOT / 'src').glob('*/test/*.py'))}
+    own = {
+        package.name,
+        'dvs_interfaces',
+        *(path.stem for path in (ROOT / 'src').glob('*/test/*.py')),
+    }
     found = {name.split('.')[0] for path in chosen for name in imports(path)}
     return found - own - OPTIONAL - sys.stdlib_module_names
 

@@ -1,1 +1,5 @@
-"""Wire contract of the suite: model, parameters, codecs, QoS and the base of every node."""
+"""What all packages share: wire contract, scenario, base of the nodes."""
+
+from dvs_common import moved
+
+moved.install()
