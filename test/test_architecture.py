@@ -1,6 +1,7 @@
 """docs/architecture.md holds: imports go down the house, and cores need no ROS."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -89,3 +90,42 @@ def test_matplotlib_is_loaded_in_one_place(name):
     loaded = {module.partition('.')[0] for module in loaded_at_once(MODULES[name])}
 
     assert 'matplotlib' not in loaded
+
+
+def looked_up_by_name(path):
+    """Places that ask a scenario for a parameter by a string instead of an attribute."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Subscript):
+            asked = ast.unparse(node.value).rpartition('.')[2]
+            if asked.lower().endswith('scenario'):
+                yield f'{path.name}:{node.lineno} {ast.unparse(node)}'
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_a_scenario_is_read_by_its_typed_attributes(name):
+    assert not list(looked_up_by_name(MODULES[name]))
+
+
+def test_a_look_up_by_name_would_be_found(tmp_path):
+    path = tmp_path / 'module.py'
+    path.write_text("h = self._scenario['event_threshold']\nscenario[name]\nresult['events']\n")
+
+    assert len(list(looked_up_by_name(path))) == 2
+
+
+# One home each: elsewhere they are imported.
+SINGLE_HOMES = {
+    'dvs_common.arrays': r'^FloatArray = ',
+    'dvs_common.nanoseconds': r'_ns\b[^\n]* \* 1e-9|_s\b[^\n]* \* 1e9\b|\b1_000_000_000\b',
+}
+
+
+@pytest.mark.parametrize('home', SINGLE_HOMES)
+def test_arrays_and_nanoseconds_have_one_home(home):
+    elsewhere = {
+        name
+        for name, path in MODULES.items()
+        if name != home and re.search(SINGLE_HOMES[home], path.read_text(), re.MULTILINE)
+    }
+
+    assert not elsewhere

@@ -73,13 +73,19 @@ def decorated_with(node: ast.ClassDef | Function, *names: str) -> bool:
     return any(re.search(rf'\b{name}\b', found) for name in names)
 
 
+def is_declared_parameter(value: ast.expr | None) -> bool:
+    """Whether a field is made by `parameter`, which takes its description."""
+    return isinstance(value, ast.Call) and ast.unparse(value.func) == 'parameter'
+
+
 def documented_in(body: list[ast.stmt], prefix: str) -> Iterator[Documented]:
     for node in body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith('_'):
             yield from documented_in_class(node, f'{prefix}.{node.name}')
         elif isinstance(node, Function) and not node.name.startswith('_'):
-            # Compiled kernels are internal; a property is documented where it is read.
-            if decorated_with(node, 'jit', 'njit', 'setter'):
+            # Compiled kernels are internal; a property is documented where it is read, an
+            # overloaded function where it is implemented.
+            if decorated_with(node, 'jit', 'njit', 'setter', 'overload'):
                 continue
             yield Documented(
                 name=f'{prefix}.{node.name}',
@@ -101,6 +107,7 @@ def documented_in_class(node: ast.ClassDef, name: str) -> Iterator[Documented]:
             and isinstance(item.target, ast.Name)
             and not item.target.id.startswith('_')
             and 'ClassVar' not in ast.unparse(item.annotation)
+            and not is_declared_parameter(item.value)
         )
     elif '__init__' in methods:
         fields = arguments_of(methods['__init__'])

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from dvs_common.arrays import finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import PixelScene, PlantModel, finite_array
+from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 
 PAPER_A = np.array([[2.0, 10.0], [0.0, 5.0]])

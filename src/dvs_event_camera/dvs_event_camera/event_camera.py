@@ -9,7 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
 from dvs_event_camera.pixels.imperfections import Imperfections
@@ -101,7 +102,7 @@ class EventCamera:
         camera = cls(
             functools.partial(pixels_of_scenario, scenario, backend=backend),
             backend=backend,
-            noise_rate=scenario['leak_rate'] + scenario['shot_noise_rate'],
+            noise_rate=scenario.imperfections.leak_rate + scenario.imperfections.shot_noise_rate,
         )
         pixels_of_scenario(scenario, np.ones(1), 0.0, backend, bounds=False)
         return camera
@@ -142,7 +143,7 @@ class EventCamera:
         """
         self._make_pixels = functools.partial(pixels_of_scenario, scenario, backend=self._backend)
         if self._pixels is not None:
-            self._pixels.change_event_threshold(scenario['event_threshold'])
+            self._pixels.change_event_threshold(scenario.sensor.event_threshold)
 
     def take(self, frame: LuminosityFrame) -> Exposure | None:
         """Expose the pixels to a frame.
@@ -199,9 +200,10 @@ class EventCamera:
         last_ns = pixels.stamp_ns
         if last_ns is not None and frame.stamp_ns < last_ns:
             return (
-                f'the stamps go back from {last_ns * 1e-9:.9f} s to {frame.stamp_ns * 1e-9:.9f} s'
+                f'the stamps go back from {as_seconds(last_ns):.9f} s '
+                f'to {as_seconds(frame.stamp_ns):.9f} s'
             )
-        seconds = 0.0 if last_ns is None else (frame.stamp_ns - last_ns) * 1e-9
+        seconds = 0.0 if last_ns is None else as_seconds(frame.stamp_ns - last_ns)
         noise = self._noise_rate * frame.pixels.size * seconds
         if noise > _MOST_NOISE:
             return f'the stamps jump by {seconds:.6g} s, which {noise:.3g} noise events would fill'
@@ -252,11 +254,11 @@ def photoreceptor_of_scenario(scenario: Scenario, darkest: float = 0.0) -> Photo
     darkest
         Darkest luminosity that the images can tell: a floor of the logarithm.
     """
-    if scenario['photoreceptor'] == 'signed_log':
-        return SignedLogPhotoreceptor(dead_band=scenario['dead_band'])
-    if scenario['photoreceptor'] == 'lin_log':
-        return LinLogPhotoreceptor(knee=scenario['lin_log_knee'])
-    return LogPhotoreceptor(log_floor=max(scenario['log_floor'], darkest))
+    if scenario.sensor.photoreceptor == 'signed_log':
+        return SignedLogPhotoreceptor(dead_band=scenario.sensor.dead_band)
+    if scenario.sensor.photoreceptor == 'lin_log':
+        return LinLogPhotoreceptor(knee=scenario.camera.lin_log_knee)
+    return LogPhotoreceptor(log_floor=max(scenario.camera.log_floor, darkest))
 
 
 def imperfections_of_scenario(scenario: Scenario) -> Imperfections:
@@ -267,7 +269,12 @@ def imperfections_of_scenario(scenario: Scenario) -> Imperfections:
     scenario
         All parameters.
     """
-    return Imperfections(**{name: scenario[name] for name in Imperfections.__dataclass_fields__})
+    return Imperfections(
+        **{
+            name: getattr(scenario.imperfections, name)
+            for name in Imperfections.__dataclass_fields__
+        }
+    )
 
 
 def pixels_of_scenario(
@@ -300,15 +307,15 @@ def pixels_of_scenario(
     """
     receptor = photoreceptor_of_scenario(scenario, darkest)
     return PixelArray(
-        event_threshold=scenario['event_threshold'],
-        log_base=scenario['log_base'],
+        event_threshold=scenario.sensor.event_threshold,
+        log_base=scenario.sensor.log_base,
         photoreceptor=receptor,
         bounds=scenario.reference_bounds(receptor.floored(luminosity)) if bounds else None,
-        reference_uncertainty=scenario['reference_uncertainty'],
-        initial_reference=scenario['initial_reference'],
-        seed=scenario['seed'],
-        interpolation=scenario['interpolation'],
+        reference_uncertainty=scenario.sensor.reference_uncertainty,
+        initial_reference=scenario.sensor.initial_reference,
+        seed=scenario.loop.seed,
+        interpolation=scenario.camera.interpolation,
         imperfections=imperfections_of_scenario(scenario),
-        label_noise=scenario['label_noise'],
+        label_noise=scenario.camera.label_noise,
         backend=backend,
     )

@@ -14,6 +14,7 @@ from sensor_msgs.msg import CompressedImage, Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Int16MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
 from dvs_common.node.health import Health, Level, RateMeter, Trouble
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.node.spin import run_nodes
@@ -58,7 +59,7 @@ class EventCameraNode(ManagedNode):
         self._events = self.advertise(PointCloud2, topics.EVENTS, self._events_qos())
         self._labels = (
             self.advertise(PointCloud2, topics.EVENTS_LABEL, stream)
-            if scenario['label_noise']
+            if scenario.camera.label_noise
             else None
         )
         self._keyframe = self.advertise(Image, topics.KEYFRAME, topics.latched_qos(depth=1))
@@ -71,10 +72,10 @@ class EventCameraNode(ManagedNode):
 
     def _events_qos(self) -> QoSProfile:
         """Deep in a loop; a camera by itself can't tell how large its packets will be."""
-        mode = self._scenario['mode']
+        mode = self._scenario.loop.mode
         if not self.is_given('pixel_grid'):
             return topics.handshake_qos(mode)
-        event_of_every_pixel = EVENT_DTYPE.itemsize * math.prod(self._scenario['pixel_grid'])
+        event_of_every_pixel = EVENT_DTYPE.itemsize * math.prod(self._scenario.pixels.pixel_grid)
         return topics.handshake_qos(mode, topics.history_depth(event_of_every_pixel))
 
     def _advertise_event_packets(self, qos: QoSProfile) -> Any:
@@ -85,9 +86,9 @@ class EventCameraNode(ManagedNode):
         return self.advertise_on_demand(messages.EventPacket, topics.EVENTS_PACKET, qos)
 
     def _listen(self, qos: QoSProfile) -> None:
-        if self._scenario['image_reliability'] == 'best_effort':
+        if self._scenario.camera.image_reliability == 'best_effort':
             qos.reliability = ReliabilityPolicy.BEST_EFFORT
-        if self._scenario['compressed_input']:
+        if self._scenario.camera.compressed_input:
             self._source = f'{topics.LUMINOSITY}/compressed'
             self.listen(CompressedImage, self._source, self._take_compressed, qos)
         else:
@@ -117,14 +118,14 @@ class EventCameraNode(ManagedNode):
         return lambda: self._adopt(scenario)
 
     def _differs(self, scenario: Scenario) -> bool:
-        return bool(scenario['event_threshold'] != self._scenario['event_threshold'])
+        return bool(scenario.sensor.event_threshold != self._scenario.sensor.event_threshold)
 
     def _adopt(self, scenario: Scenario) -> None:
         if self._camera.pixels is None:
             self._camera = EventCamera.of_scenario(scenario)
         elif self._differs(scenario):
-            self._next_threshold = scenario['event_threshold']
-            scenario = scenario.replace(event_threshold=self._scenario['event_threshold'])
+            self._next_threshold = scenario.sensor.event_threshold
+            scenario = scenario.replace(event_threshold=self._scenario.sensor.event_threshold)
         self._scenario = scenario
         self._renderer = None
 
@@ -156,7 +157,7 @@ class EventCameraNode(ManagedNode):
             )
         if exposure.started:
             self._moved = np.zeros(frame.pixels.size)
-            self._announce_threshold(frame.stamp_ns, self._scenario['event_threshold'])
+            self._announce_threshold(frame.stamp_ns, self._scenario.sensor.event_threshold)
         if self._next_threshold is not None:
             self._announce_change(frame.stamp_ns, self._next_threshold)
         for packet in exposure.packets:
@@ -179,7 +180,7 @@ class EventCameraNode(ManagedNode):
         pixels = self._camera.pixels
         if pixels is None or pixels.stamp_ns == stamp_ns:
             return False
-        self._moved = self._moved + pixels.counts * self._scenario['event_threshold']
+        self._moved = self._moved + pixels.counts * self._scenario.sensor.event_threshold
         self._scenario = self._scenario.replace(event_threshold=self._announced_threshold)
         self._camera.change_event_threshold(self._scenario)
         self._announced_threshold = None
@@ -207,7 +208,7 @@ class EventCameraNode(ManagedNode):
             self._packets.publish(message)
 
     def _publish_keyframe(self, stamp_ns: int, *, due_now: bool) -> None:
-        period_ns = round(self._scenario['keyframe_period'] * 1e9)
+        period_ns = as_nanoseconds(self._scenario.camera.keyframe_period)
         if not due_now and (not period_ns or stamp_ns < self._next_keyframe_ns):
             return
         self._next_keyframe_ns = stamp_ns + period_ns
@@ -223,7 +224,7 @@ class EventCameraNode(ManagedNode):
             signs=pixels.signs,
             moved=self._moved,
         )
-        signed = self._scenario['photoreceptor'] == 'signed_log'
+        signed = self._scenario.sensor.photoreceptor == 'signed_log'
         self._keyframe.publish(pack_keyframe(keyframe, height=height, width=width, signed=signed))
 
     def _answer_request(self, _: bytes) -> None:
@@ -246,14 +247,14 @@ class EventCameraNode(ManagedNode):
         if self._renderer is None or exposure.started:
             self._renderer = EventRenderer(
                 *self._camera.shape,
-                style=s['display_style'],
-                palette=s['display_palette'],
-                decay_s=s['display_decay'],
+                style=s.display.display_style,
+                palette=s.display.display_palette,
+                decay_s=s.display.display_decay,
             )
             self._next_image_ns = stamp_ns
         self._renderer.add(exposure.events, stamp_ns)
         if stamp_ns >= self._next_image_ns:
-            self._next_image_ns = stamp_ns + round(1e9 / s['display_rate'])
+            self._next_image_ns = stamp_ns + round(NANOSECONDS / s.display.display_rate)
             self._image.publish(pack_image(stamp_ns, self._renderer.draw(), 'bgr8'))
 
     def health(self) -> Health:
@@ -273,7 +274,7 @@ class EventCameraNode(ManagedNode):
                 'pixel samples without a logarithm': self._camera.invalid_samples,
                 'size': '{} x {}'.format(*self._camera.shape),
                 'age of luminosity [s]': f'{self.silence_s(self._source):.3f}',
-                'h': self._scenario['event_threshold'],
+                'h': self._scenario.sensor.event_threshold,
             },
         )
 

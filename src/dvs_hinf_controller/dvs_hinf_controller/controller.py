@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray, finite_array
 
 if TYPE_CHECKING:
     import control

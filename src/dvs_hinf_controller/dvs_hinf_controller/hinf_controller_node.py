@@ -10,6 +10,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Float64MultiArray
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.health import Health, Level, RateMeter, Trouble
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.node.spin import run_nodes
@@ -63,7 +64,7 @@ class HinfControllerNode(ManagedNode):
         self._command_publisher = self.advertise(
             JointState,
             topics.COMMAND,
-            topics.handshake_qos(scenario['mode'], topics.LISTENER_DEPTH),
+            topics.handshake_qos(scenario.loop.mode, topics.LISTENER_DEPTH),
         )
         pixels = self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
@@ -76,7 +77,7 @@ class HinfControllerNode(ManagedNode):
         )
         # Of all that is heard, events alone must not be lost while this process does not run.
         depth = topics.history_depth(EVENT_DTYPE.itemsize * pixels)
-        events = topics.handshake_qos(scenario['mode'], depth)
+        events = topics.handshake_qos(scenario.loop.mode, depth)
         self.listen(PointCloud2, topics.EVENTS, self._take, events)
         latched = topics.latched_qos(depth=1)
         self.listen(Image, topics.KEYFRAME, self._take_keyframe, latched)
@@ -87,11 +88,11 @@ class HinfControllerNode(ManagedNode):
     def _report_design(self) -> None:
         report = start_up_report(
             self._design,
-            event_threshold=self._scenario['event_threshold'],
-            sampling_period=self._scenario['sampling_period'],
+            event_threshold=self._scenario.sensor.event_threshold,
+            sampling_period=self._scenario.loop.sampling_period,
         )
         self.get_logger().info(report.text)
-        darkness = darkness_warnings(self._design.problem, self._scenario['photoreceptor'])
+        darkness = darkness_warnings(self._design.problem, self._scenario.sensor.photoreceptor)
         for warning in (*report.warnings, *darkness):
             self.get_logger().warning(warning)
 
@@ -100,7 +101,7 @@ class HinfControllerNode(ManagedNode):
         self._controller = EventController(
             self._design.problem,
             self._design.controller,
-            event_threshold=self._scenario['event_threshold'],
+            event_threshold=self._scenario.sensor.event_threshold,
             command_limit=self._command_limit,
         )
         self._lost_events = self._resynchronisations = 0
@@ -110,15 +111,15 @@ class HinfControllerNode(ManagedNode):
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
-        if self._scenario['mode'] == 'realtime' and self._packets:
+        if self._scenario.loop.mode == 'realtime' and self._packets:
             self._publish_command(self._stamp_ns, self._design.problem.equilibrium.feedforward)
 
     def change(self, scenario: Scenario) -> Callable[[], None]:
         """Design for another set-point or tolerance; see `ManagedNode.change`."""
-        if scenario['event_threshold'] != self._scenario['event_threshold']:
+        if scenario.sensor.event_threshold != self._scenario.sensor.event_threshold:
             raise ParameterError(
                 'event_threshold',
-                scenario['event_threshold'],
+                scenario.sensor.event_threshold,
                 'changes on event_camera; the controller follows',
             )
         design = design_from_scenario(scenario)
@@ -182,7 +183,7 @@ class HinfControllerNode(ManagedNode):
         if report.lost_events:
             self._lost_events += report.lost_events
             self.get_logger().error(
-                f'{report.lost_events} events were lost before {stamp_ns * 1e-9:.6f} s '
+                f'{report.lost_events} events were lost before {as_seconds(stamp_ns):.6f} s '
                 f'({self._lost_events} in all): asking for a keyframe'
             )
             self._ask_for_keyframe()

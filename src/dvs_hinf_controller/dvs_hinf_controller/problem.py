@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import Equilibrium, FloatArray, PixelScene, PlantModel
+from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 
@@ -86,8 +87,8 @@ class DesignProblem:
             equilibrium=scenario.equilibrium,
             scene=scenario.scene,
             bounds=scenario.model_reference_bounds,
-            tolerance=scenario['tolerance'],
-            log_base=scenario['log_base'],
+            tolerance=scenario.objective.tolerance,
+            log_base=scenario.sensor.log_base,
         )
 
     @property

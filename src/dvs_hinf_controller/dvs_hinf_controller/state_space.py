@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray, PlantModel
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
 
 ComplexArray = np.typing.NDArray[np.complex128]

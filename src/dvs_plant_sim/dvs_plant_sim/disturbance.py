@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
 from dvs_plant_sim.dynamics import Dynamics
-
-_NANOSECOND_S = 1e-9
 
 
 def disturbed(plant: Dynamics, scenario: Scenario) -> Dynamics:
@@ -21,13 +20,13 @@ def disturbed(plant: Dynamics, scenario: Scenario) -> Dynamics:
     scenario
         Checked parameters.
     """
-    if not scenario['input_disturbance'] and not scenario['state_disturbance']:
+    if not scenario.disturbance.input_disturbance and not scenario.disturbance.state_disturbance:
         return plant
     return DisturbedPlant(
         plant,
-        input_disturbance=scenario['input_disturbance'],
-        state_disturbance=scenario['state_disturbance'],
-        seed=scenario['seed'],
+        input_disturbance=scenario.disturbance.input_disturbance,
+        state_disturbance=scenario.disturbance.state_disturbance,
+        seed=scenario.loop.seed,
     )
 
 
@@ -80,6 +79,6 @@ class DisturbedPlant:
             command = command + self._input_disturbance * noise
         self._plant.advance(duration_ns, command)
         if self._state_disturbance:
-            spread = self._state_disturbance * np.sqrt(duration_ns * _NANOSECOND_S)
+            spread = self._state_disturbance * np.sqrt(as_seconds(duration_ns))
             noise = self._generator.standard_normal(self._plant.state.size)
             self._plant.state = self._plant.state + spread * noise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 
 
 class Dynamics(Protocol):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from dvs_common.nanoseconds import as_nanoseconds, as_seconds
 from dvs_common.node.health import RateMeter, Trouble
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
@@ -42,7 +43,7 @@ class LockstepDriver:
         self._scenario = scenario
         self._period_ns = scenario.sampling_period_ns
         self._clock_publisher = node.advertise_on_demand(Clock, topics.CLOCK, topics.clock_qos())
-        qos = topics.handshake_qos(scenario['mode'])
+        qos = topics.handshake_qos(scenario.loop.mode)
         node.listen(JointState, topics.COMMAND, self._step, qos)
         node.every(_RESEND_S, self._wait)
         self._due = node.every(1.0, self._publish_due)
@@ -52,7 +53,7 @@ class LockstepDriver:
         scenario = self._scenario
         self._due.cancel()
         self._handshake = Handshake(period_ns=self._period_ns, last_sample=scenario.sample_count)
-        self._pace = Pace(scenario['real_time_factor'])
+        self._pace = Pace(scenario.loop.real_time_factor)
         self._cycle_rate = RateMeter()
         self._publish()
 
@@ -75,7 +76,7 @@ class LockstepDriver:
         self._node.plant.advance(self._period_ns, command.values)
         delay_s = self._pace.delay_s(self._handshake.next(), time.monotonic())
         if delay_s:
-            self._due.timer_period_ns = int(min(delay_s, _LONGEST_PAUSE_S) * 1e9)
+            self._due.timer_period_ns = as_nanoseconds(min(delay_s, _LONGEST_PAUSE_S))
             self._due.reset()
         else:
             self._publish()
@@ -85,7 +86,7 @@ class LockstepDriver:
         cycles = self._handshake.sample
         self._node.finish(
             0,
-            f'run of {stamp_ns * 1e-9:g} s finished: {cycles} cycles in {wall_s:.3f} s, '
+            f'run of {as_seconds(stamp_ns):g} s finished: {cycles} cycles in {wall_s:.3f} s, '
             f'{cycles / wall_s:.0f} cycles/s',
         )
 
@@ -98,7 +99,7 @@ class LockstepDriver:
             Checked parameters.
         """
         self._scenario = scenario
-        self._pace.change(scenario['real_time_factor'])
+        self._pace.change(scenario.loop.real_time_factor)
         if not self._due.is_canceled():
             self._publish_due()
 
@@ -110,9 +111,9 @@ class LockstepDriver:
         """Speed of the run since the last reading."""
         cycles = self._cycle_rate.read(self._handshake.sample)
         return {
-            'simulated time [s]': f'{self._handshake.stamp_ns * 1e-9:.6f}',
+            'simulated time [s]': f'{as_seconds(self._handshake.stamp_ns):.6f}',
             'cycles/s': f'{cycles:.1f}',
-            'real-time factor': f'{cycles * self._scenario["sampling_period"]:.3f}',
+            'real-time factor': f'{cycles * self._scenario.loop.sampling_period:.3f}',
         }
 
     def _publish_due(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_NANOSECOND_S = 1e-9
+from dvs_common.nanoseconds import as_seconds
 
 
 class Pace:
@@ -44,5 +44,5 @@ class Pace:
         if self._anchor is None:
             self._anchor = simulated_ns, wall_s
         start_ns, start_s = self._anchor
-        due_s = start_s + (simulated_ns - start_ns) * _NANOSECOND_S / self._factor
+        due_s = start_s + as_seconds(simulated_ns - start_ns) / self._factor
         return max(0.0, due_s - wall_s)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray, finite_array
+from dvs_common.nanoseconds import as_seconds
 
-_NANOSECOND_S = 1e-9
 # Local error of a Runge-Kutta step of this length: about (rate * step)^5 / 120, 1e-15 at 4 rad/s.
 _LONGEST_STEP_NS = 500_000
 
@@ -119,7 +119,7 @@ class Pendulum:
         angle, rate = self.state.tolist()
         torque = float(command[0])
         for _ in range(steps):
-            step_s = duration_ns * _NANOSECOND_S / steps
+            step_s = as_seconds(duration_ns) / steps
             angle, rate = self._step(step_s, angle, rate, torque)
         self.state = np.array([angle, rate])
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.node.spin import run_nodes
-from dvs_common.scenario.model import FloatArray
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.scenario.schema import NON_NEGATIVE, POSITIVE, Kind, ParameterSpec
 from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
@@ -57,7 +59,8 @@ class PendulumSimNode(PlantNode):
     def make_plant(self, scenario: Scenario) -> Pendulum:
         """Pendulum of the parameters; see `PlantNode.make_plant`."""
         names = ('mass', 'length', 'friction', 'gravity')
-        constants = PendulumConstants(**{name: scenario[f'plant.{name}'] for name in names})
+        values: dict[str, Any] = {name: scenario.plant_extras[f'plant.{name}'] for name in names}
+        constants = PendulumConstants(**values)
         for name in ('state_matrix', 'input_matrix'):
             _require_linearisation(name, getattr(scenario.model, name), getattr(constants, name))
         return Pendulum(constants, initial_state=scenario.initial_state)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
+from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray, PlantModel, finite_array
-
-_NANOSECOND_S = 1e-9
+from dvs_common.nanoseconds import as_seconds
+from dvs_common.scenario.model import PlantModel
 
 
 class Plant:
@@ -39,7 +39,7 @@ class Plant:
                 'initial_state', state.tolist(), f'must have {model.state_count} entries'
             )
         if period_ns <= 0:
-            raise ParameterError('sampling_period', period_ns * _NANOSECOND_S, 'must be > 0')
+            raise ParameterError('sampling_period', as_seconds(period_ns), 'must be > 0')
         self._model = model
         self.state = state
         self._period_ns = period_ns
@@ -69,5 +69,5 @@ def _held_input_step(model: PlantModel, duration_ns: int) -> tuple[FloatArray, F
     generator = np.zeros((n + m, n + m))
     generator[:n, :n] = model.state_matrix
     generator[:n, n:] = model.input_matrix
-    step = expm(generator * (duration_ns * _NANOSECOND_S))
+    step = expm(generator * as_seconds(duration_ns))
     return step[:n, :n].copy(), step[:n, n:].copy()

@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from sensor_msgs.msg import Image, JointState
 
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.health import Health, Level, Trouble
 from dvs_common.node.managed_node import ManagedNode
-from dvs_common.scenario.model import FloatArray
 from dvs_common.scenario.parameters import PLANT
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.scenario.schema import ParameterSpec
@@ -97,7 +98,7 @@ class PlantNode(ManagedNode):
         self._state_publisher = self.advertise_on_demand(
             JointState, topics.STATE, topics.stream_qos(topics.LISTENER_DEPTH)
         )
-        driver = LockstepDriver if scenario['mode'] == 'lockstep' else RealtimeDriver
+        driver = LockstepDriver if scenario.loop.mode == 'lockstep' else RealtimeDriver
         self._driver: LockstepDriver | RealtimeDriver = driver(self, scenario)
         self._say_set_point()
 
@@ -146,7 +147,7 @@ class PlantNode(ManagedNode):
         if not np.isfinite(luminosity).all():
             self.finish(_FAILURE, f'the state has left the range of numbers: {self.plant.state}')
             return
-        if self._scenario['photoreceptor'] == 'log' and luminosity.min() <= 0:
+        if self._scenario.sensor.photoreceptor == 'log' and luminosity.min() <= 0:
             luminosity = self._nonphysical(stamp_ns, luminosity)
             if self.exit_code is not None:
                 return
@@ -193,11 +194,11 @@ class PlantNode(ManagedNode):
 
     def _nonphysical(self, stamp_ns: int, luminosity: FloatArray) -> FloatArray:
         self._nonphysical_samples += 1
-        policy = self._scenario['nonphysical_luminosity']
+        policy = self._scenario.loop.nonphysical_luminosity
         pixel = int(luminosity.argmin())
         reason = (
             f'luminosity of pixel {pixel} is {luminosity[pixel]:.6g} <= 0 at '
-            f'{stamp_ns * 1e-9:.6f} s: a physical pixel has no logarithm of it '
+            f'{as_seconds(stamp_ns):.6f} s: a physical pixel has no logarithm of it '
             f'(nonphysical_luminosity: {policy}; photoreceptor: log)'
         )
         if policy == 'stop':
@@ -205,7 +206,7 @@ class PlantNode(ManagedNode):
         elif self._nonphysical_samples == 1:
             self.get_logger().error(reason)
         if policy == 'clamp':
-            floor: float = self._scenario['dead_band']
+            floor: float = self._scenario.sensor.dead_band
             return np.maximum(luminosity, floor)
         return luminosity
 

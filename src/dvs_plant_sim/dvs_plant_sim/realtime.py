@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_plant_sim.dynamics import Dynamics
 
 

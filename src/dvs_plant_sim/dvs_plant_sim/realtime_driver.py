@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
 
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.health import Level, RateMeter, Trouble
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
@@ -34,9 +35,9 @@ class RealtimeDriver:
         self._period_ns = scenario.sampling_period_ns
         self._last_sample = scenario.sample_count
         self._hold_input = scenario.equilibrium.feedforward
-        qos = topics.handshake_qos(scenario['mode'])
+        qos = topics.handshake_qos(scenario.loop.mode)
         node.listen(JointState, topics.COMMAND, self._receive, qos)
-        node.every(scenario['sampling_period'], self._tick)
+        node.every(scenario.loop.sampling_period, self._tick)
 
     def start(self) -> None:
         """Count samples from now on."""
@@ -74,7 +75,7 @@ class RealtimeDriver:
         worst_ns, self._worst_delay_ns = self._worst_delay_ns, 0
         return {
             'samples/s': f'{rate:.1f}',
-            'real-time factor': f'{rate * self._period_ns * 1e-9:.3f}',
+            'real-time factor': f'{rate * as_seconds(self._period_ns):.3f}',
             'samples skipped': self._skipped,
             'worst sampling jitter [ms]': f'{worst_ns * 1e-6:.3f}',
         }
@@ -108,17 +109,17 @@ class RealtimeDriver:
         if not self._plant.released:
             self._released_at = sample
         elif self._last_sample and sample - self._released_at >= self._last_sample:
-            self._node.finish(0, f'run of {self._scenario["duration"]:g} s finished')
+            self._node.finish(0, f'run of {self._scenario.loop.duration:g} s finished')
 
     def _watch_age(self, now_ns: int) -> None:
         arrival_ns = self._plant.last_arrival_ns
         if self._stale or arrival_ns is None:
             return
-        age_s = (now_ns - arrival_ns) * 1e-9
-        if age_s <= self._scenario['command_timeout']:
+        age_s = as_seconds(now_ns - arrival_ns)
+        if age_s <= self._scenario.loop.command_timeout:
             return
         self._stale = True
-        policy = self._scenario['stale_command']
+        policy = self._scenario.loop.stale_command
         reason = f'command is {age_s:.3f} s old (stale_command: {policy})'
         if policy == 'stop':
             self._node.finish(_FAILURE, reason)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Axes, Figure, drawing
-from dvs_common.scenario.model import FloatArray
 
 # Okabe and Ito (2008), in the order of use; tested for all common colour vision deficiencies.
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY = (

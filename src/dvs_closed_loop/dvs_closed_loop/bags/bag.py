@@ -14,6 +14,7 @@ from rosbags.rosbag2 import Reader, ReaderError
 from dvs_closed_loop.bags.loop_topics import choose_topics
 from dvs_closed_loop.bags.recording import NAME_KEY, PARAMETERS_KEY
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
 
 # What rosbags raises on damaged files, beside its own errors.
@@ -94,7 +95,7 @@ class RecordedBag:
         """Time from the first message to the last, s."""
         if not self.messages:
             return 0.0
-        return (self.messages[-1].received_ns - self.messages[0].received_ns) * 1e-9
+        return as_seconds(self.messages[-1].received_ns - self.messages[0].received_ns)
 
 
 def read_bag(

@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 
 from dvs_closed_loop.bags.recording import BagFullError, BagWriter
 from dvs_closed_loop.bags.streams import Stream
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
@@ -118,6 +119,6 @@ class BagRecorder:
         lost = self.index.take(packet)
         if lost:
             self._node.get_logger().error(
-                f'{lost} events are missing before {packet.stamp_ns * 1e-9:.6f} s '
+                f'{lost} events are missing before {as_seconds(packet.stamp_ns):.6f} s '
                 f'({self.index.lost} in all)'
             )

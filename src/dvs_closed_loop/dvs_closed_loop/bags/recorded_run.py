@@ -11,6 +11,7 @@ import numpy as np
 from dvs_closed_loop.bags.bag import RecordedBag, RecordedMessage
 from dvs_closed_loop.bags.stamped_runs import StampedRun, StampedStream, stamped_stream
 from dvs_closed_loop.bags.streams import STREAMS
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
@@ -164,7 +165,7 @@ def _wall_seconds(last: Mapping[str, StampedRun]) -> float:
         return 0.0
     received = dict(zip(samples.stamps_ns, samples.messages, strict=True))
     begin = received.get(commands.stamps_ns[0], commands.messages[0])
-    return max(0, commands.messages[-1].received_ns - begin.received_ns) * 1e-9
+    return as_seconds(max(0, commands.messages[-1].received_ns - begin.received_ns))
 
 
 def _since(
@@ -202,7 +203,7 @@ def _statistics(
     topic: str, name: str, messages: list[RecordedMessage], stamped: Mapping[str, StampedStream]
 ) -> StreamStatistics:
     times = np.array([message.received_ns for message in messages], dtype=np.int64)
-    pauses = np.diff(times) * 1e-9
+    pauses = as_seconds(np.diff(times))
     seconds = float(pauses.sum())
     stream = stamped.get(topic)
     missing = None

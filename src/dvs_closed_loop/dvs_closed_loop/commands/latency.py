@@ -12,8 +12,9 @@ import numpy as np
 
 from dvs_closed_loop.bags.bag import RecordedBag
 from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.stamped import stamp_of
@@ -69,7 +70,7 @@ def stage_latencies(bag: RecordedBag) -> list[StageLatency]:
         StageLatency(
             start=start,
             end=end,
-            times_s=np.array([received[end][s] - received[start][s] for s in stamps]) * 1e-9,
+            times_s=as_seconds(np.array([received[end][s] - received[start][s] for s in stamps])),
         )
         for start, end in (*pairwise(_PATH), (_PATH[0], _PATH[-1]))
     ]

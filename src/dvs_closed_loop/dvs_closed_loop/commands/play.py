@@ -12,6 +12,7 @@ import time
 from typing import TYPE_CHECKING
 
 from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
+from dvs_common.nanoseconds import as_seconds
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -125,7 +126,7 @@ def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: ToolNode, ra
         disable=None,
     ) as bar:
         for sent, message in enumerate(bag.messages):
-            due_s = (message.received_ns - first_ns) * 1e-9
+            due_s = as_seconds(message.received_ns - first_ns)
             _pause_until(started + due_s / rate, tool)
             if tool.stop.received:
                 return sent

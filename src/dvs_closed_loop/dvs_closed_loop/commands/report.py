@@ -99,6 +99,6 @@ def _judged(recorded: RecordedRun, scenario: Scenario, name: str) -> Verdict | N
         name=name,
         h_star=design.figures.h_star,
         wall_seconds=recorded.wall_seconds,
-        interrupted=simulated_s < scenario['duration'] - 1.5 * scenario['sampling_period'],
+        interrupted=simulated_s < scenario.loop.duration - 1.5 * scenario.loop.sampling_period,
         bounds=None if recorded.from_start else scenario.model_reference_bounds,
     )

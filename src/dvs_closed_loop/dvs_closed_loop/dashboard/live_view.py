@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import SuiteError
-from dvs_common.scenario.model import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
@@ -156,8 +157,8 @@ class LiveView:
             self._bound = np.asarray(
                 sector(
                     scenario.model_reference_bounds,
-                    event_threshold=scenario['event_threshold'],
-                    log_base=scenario['log_base'],
+                    event_threshold=scenario.sensor.event_threshold,
+                    log_base=scenario.sensor.log_base,
                 ).error_bound
             )
         except SuiteError:
@@ -181,14 +182,14 @@ class LiveView:
         return restarted
 
     def _seconds(self, stamp_ns: int) -> float:
-        return round((stamp_ns - (self._start_ns or 0)) * 1e-9, 6)
+        return round(as_seconds(stamp_ns - (self._start_ns or 0)), 6)
 
     # -- signals --------------------------------------------------------------------------------
 
     def _errors(self, states: list[Any]) -> list[list[float]]:
         if self._scenario is None:
             return []
-        target = np.array(self._scenario['set_point'])
+        target = np.array(self._scenario.objective.set_point)
         return [
             [self._seconds(v.stamp_ns), float(f'{np.linalg.norm(v.values - target):.6g}')]
             for v in states
@@ -232,8 +233,8 @@ class LiveView:
         if scenario is None or bound is None or bound.size not in (1, y.size):
             return None
         ratios = np.abs(z - y) / (bound * np.maximum(np.abs(y), 1e-300))
-        if scenario['photoreceptor'] == 'signed_log':
-            ratios = ratios[np.abs(y) >= scenario['dead_band']]
+        if scenario.sensor.photoreceptor == 'signed_log':
+            ratios = ratios[np.abs(y) >= scenario.sensor.dead_band]
         ratio = float(ratios.max(initial=0.0))
         return round(ratio, 5) if math.isfinite(ratio) else None
 
@@ -241,7 +242,7 @@ class LiveView:
         full = [packet for packet in packets if len(packet.events)]
         count = sum(len(packet.events) for packet in full)
         stride = max(1, -(-count // _EVENTS_A_FRAME))
-        width = self._scenario['pixel_grid'][1] if self._scenario is not None else None
+        width = self._scenario.pixels.pixel_grid[1] if self._scenario is not None else None
         marks = []
         offset = 0
         for packet in full:
@@ -263,7 +264,7 @@ class LiveView:
         oldest = self._marks[0]
         seconds = max(mark[0] - oldest[0], 1e-9)
         return {
-            'real_time_factor': round((mark[1] - oldest[1]) * 1e-9 / seconds, 3),
+            'real_time_factor': round(as_seconds(mark[1] - oldest[1]) / seconds, 3),
             'cycles_per_second': round((mark[2] - oldest[2]) / seconds, 1),
             'events_per_second': round((mark[3] - oldest[3]) / seconds, 1),
             'total_events': self._index.events,
@@ -285,13 +286,13 @@ def _rounded(values: FloatArray) -> list[float]:
 
 
 def _described(scenario: Scenario) -> Frame:
-    height, width = scenario['pixel_grid']
+    height, width = scenario.pixels.pixel_grid
     return {
-        'set_point': list(scenario['set_point']),
-        'tolerance': scenario['tolerance'],
-        'event_threshold': scenario['event_threshold'],
+        'set_point': list(scenario.objective.set_point),
+        'tolerance': scenario.objective.tolerance,
+        'event_threshold': scenario.sensor.event_threshold,
         'pixels': height * width,
-        'mode': scenario['mode'],
-        'method': scenario['method'],
-        'duration': scenario['duration'],
+        'mode': scenario.loop.mode,
+        'method': scenario.controller.method,
+        'duration': scenario.loop.duration,
     }

@@ -110,7 +110,6 @@ ARGUMENTS = (
     ),
     LaunchArgument(
         name='method',
-        choices=('', *SCHEMA['method'].choices),
         description="Instead of the scenario's synthesis method",
     ),
     LaunchArgument(

@@ -149,7 +149,7 @@ def plant_program(scenario: Scenario, parameter_file: Path) -> tuple[str, str]:
     ParameterError
         If plant_executable is neither package/executable nor the path of a program.
     """
-    value = scenario['plant_executable']
+    value = scenario.plant.plant_executable
     if value.startswith(('./', '../', '/')):
         program = (parameter_file.parent / value).resolve()
         if not (program.is_file() and os.access(program, os.X_OK)):
@@ -167,10 +167,10 @@ def plant_program(scenario: Scenario, parameter_file: Path) -> tuple[str, str]:
 
 
 def _composed_program(scenario: Scenario, elsewhere: Collection[str]) -> tuple[str, str]:
-    if scenario['plant_executable'] != SCHEMA['plant_executable'].default:
+    if scenario.plant.plant_executable != SCHEMA['plant_executable'].default:
         raise ParameterError(
             'plant_executable',
-            scenario['plant_executable'],
+            scenario.plant.plant_executable,
             f'can not share a process with the other nodes, only {PLANT} can: no --composed',
         )
     if elsewhere:

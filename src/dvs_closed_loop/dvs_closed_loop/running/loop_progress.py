@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.messages import parse_command
 
@@ -67,7 +68,7 @@ class LoopProgress:
         if self._start_ns is None:
             self._start_ns = parse_command(commands[0]).stamp_ns
             self._begin()
-        simulated_s = (stamp_ns - self._start_ns) * 1e-9
+        simulated_s = as_seconds(stamp_ns - self._start_ns)
         wall_s = max(recorder.wall_seconds, 1e-9)
         self._bar.set_postfix_str(
             f'{len(commands) / wall_s:.0f} cycles/s, {recorder.event_count / wall_s:.0f} '

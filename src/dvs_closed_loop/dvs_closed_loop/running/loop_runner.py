@@ -89,8 +89,8 @@ class _RunningLoop:
         self._node = _observer(plans[-1])
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
-        self._progress = LoopProgress(scenario['duration'])
-        self.recorder = RunRecorder(self._node, scenario['mode'], bag)
+        self._progress = LoopProgress(scenario.loop.duration)
+        self.recorder = RunRecorder(self._node, scenario.loop.mode, bag)
 
     def start(self) -> None:
         """Start the nodes, and the plant when all have met."""
@@ -169,7 +169,7 @@ class _RunningLoop:
                 raise LoopError(f'{process.name} ended with exit code {process.exit_code}')
 
     def _hear_the_end(self) -> None:
-        lockstep = self._scenario['mode'] == 'lockstep'
+        lockstep = self._scenario.loop.mode == 'lockstep'
         samples = self._scenario.sample_count + 1 if lockstep else 0
         deadline = time.monotonic() + _REPAIR_S
         heard_all = False

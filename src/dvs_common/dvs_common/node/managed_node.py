@@ -20,6 +20,7 @@ from rclpy.qos import QoSProfile
 from rclpy.timer import Timer
 
 from dvs_common.errors import SuiteError
+from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.node.demanded_publisher import DemandedPublisher
 from dvs_common.node.health import Health, Level, Trouble
 from dvs_common.node.ros_parameters import ROS_TYPE, descriptor, plain
@@ -264,7 +265,7 @@ class ManagedNode(LifecycleNode):
         for _, entity in self._entities:
             if isinstance(entity, Publisher):
                 left_s = max(0.0, deadline_s - time.monotonic())
-                entity.wait_for_all_acked(Duration(nanoseconds=int(left_s * 1e9)))
+                entity.wait_for_all_acked(Duration(nanoseconds=as_nanoseconds(left_s)))
         self._destroy_entities()
         self.destroy_node()
 

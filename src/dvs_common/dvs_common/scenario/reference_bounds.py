@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray, finite_array
 
 
 def threshold_step(event_threshold: float, log_base: float) -> float:

@@ -81,6 +81,7 @@ class Interval:
 ANY = Interval()
 POSITIVE = Interval(low=0, low_open=True)
 NON_NEGATIVE = Interval(low=0)
+SHARE = Interval(low=0, high=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,16 +250,28 @@ class Schema(Mapping[str, ParameterSpec]):
         ParameterError
             If a name is unknown (with the nearest known one) or a value breaks its rule.
         """
-        foreign: dict[str, Value] = {}
-        for name, value in values.items():
-            if name.startswith(self._open_groups):
-                foreign[name] = tuple(value) if isinstance(value, list) else value
-            elif name not in self._specs:
-                near = get_close_matches(name, self._specs, n=1)
-                hint = f'; did you mean {near[0]}?' if near else ''
-                raise ParameterError(name, value, f'is not a parameter of this suite{hint}')
+        self.require_known(values)
         known = {
             name: spec.validate(values[name]) if name in values else spec.default
             for name, spec in self._specs.items()
         }
+        foreign = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in values.items()
+            if name not in self._specs
+        }
         return {**known, **foreign}
+
+    def require_known(self, values: Mapping[str, Any]) -> None:
+        """Raise `ParameterError` for a name that is neither known nor of an open group.
+
+        Parameters
+        ----------
+        values
+            Values by name.
+        """
+        for name, value in values.items():
+            if name not in self._specs and not name.startswith(self._open_groups):
+                near = get_close_matches(name, self._specs, n=1)
+                hint = f'; did you mean {near[0]}?' if near else ''
+                raise ParameterError(name, value, f'is not a parameter of this suite{hint}')

@@ -11,11 +11,11 @@ import struct
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import NANOSECONDS
 
 # Plain CDR, little-endian.
 ENCAPSULATION = b'\x00\x01\x00\x00'
-NANOSECONDS = 1_000_000_000
 
 _U32 = struct.Struct('<I')
 _U64 = struct.Struct('<Q')

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_common.wire.cdr import CdrReader, CdrWriter, MessageError
 from dvs_common.wire.events import FRAME_ID
 from dvs_common.wire.stamped import BODY, Memo, stamp_of, stamped

@@ -10,7 +10,8 @@ from __future__ import annotations
 import struct
 from typing import Generic, TypeVar
 
-from dvs_common.wire.cdr import ENCAPSULATION, NANOSECONDS, MessageError, require_plain
+from dvs_common.nanoseconds import NANOSECONDS
+from dvs_common.wire.cdr import ENCAPSULATION, MessageError, require_plain
 
 # Where what follows the stamp begins.
 BODY = 12

@@ -12,10 +12,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.arrays import FloatArray
 from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.crossings import (
     CountArray,
-    FloatArray,
     RawEvents,
     hold_invalid,
     join,

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.arrays import FloatArray
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
-FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int32]
 
 

@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.arrays import FloatArray
 from dvs_event_camera.pixels.comparators import NumpyComparator
-from dvs_event_camera.pixels.crossings import (
-    NO_EVENTS,
-    FloatArray,
-    RawEvents,
-    ladder,
-    quantise,
-    stamp,
-)
+from dvs_event_camera.pixels.crossings import NO_EVENTS, RawEvents, ladder, quantise, stamp
 
 _ITERATIONS = 60
 

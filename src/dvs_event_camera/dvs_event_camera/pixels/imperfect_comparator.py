@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_event_camera.pixels.crossings import CountArray, FloatArray, hold_invalid
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_nanoseconds, as_seconds
+from dvs_event_camera.pixels.crossings import CountArray, hold_invalid
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
@@ -60,7 +62,7 @@ class ImperfectComparator:
         self.on_thresholds, self.off_thresholds = step * np.maximum(drawn, _SMALLEST_THRESHOLD)
         self._mean_threshold = 0.5 * (self.on_thresholds + self.off_thresholds)
         self._half_difference = 0.5 * (self.on_thresholds - self.off_thresholds)
-        self._refractory_ns = round(imperfections.refractory_period * 1e9)
+        self._refractory_ns = as_nanoseconds(imperfections.refractory_period)
         self._ready_ns = np.full(size, -_NEVER, np.int64)
         self._shots = ShotNoise(imperfections.shot_noise_rate, size, rng)
 
@@ -186,7 +188,7 @@ class ShotNoise:
         """
         if not self._rate:
             return
-        count = int(self._rng.poisson(self._rate * self._pixel_count * duration_ns * 1e-9))
+        count = int(self._rng.poisson(self._rate * self._pixel_count * as_seconds(duration_ns)))
         pixel = self._rng.integers(self._pixel_count, size=count)
         when = self._rng.integers(1, duration_ns, size=count, endpoint=True)
         order = np.lexsort((when, pixel))

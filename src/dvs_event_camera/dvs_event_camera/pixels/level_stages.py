@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_event_camera.pixels.crossings import FloatArray
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_event_camera.pixels.imperfections import Imperfections
 
-_NANOSECOND = 1e-9
 _DARKEST_CUTOFF = 0.1
 
 
@@ -65,7 +65,7 @@ class LowPass:
         before, output = self._input[tile], self._output[tile]
         meaningful = np.isfinite(levels)
         now = np.where(meaningful, levels, before)
-        duration = duration_ns * _NANOSECOND
+        duration = as_seconds(duration_ns)
         rate: FloatArray | float = self._rate
         if self._full > 0:
             rate = rate * np.clip(np.exp(now) / self._full, _DARKEST_CUTOFF, 1.0)
@@ -99,7 +99,7 @@ class Leak:
     ) -> None:
         """Leak; see `LevelStage.apply`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        leaked = self._phase[tile] + self._rates[tile] * (elapsed_ns * _NANOSECOND)
+        leaked = self._phase[tile] + self._rates[tile] * as_seconds(elapsed_ns)
         levels += self._step * leaked
 
     def due(self, elapsed_ns: int) -> NDArray[np.int64]:
@@ -111,7 +111,7 @@ class Leak:
             Time since the first sample, ns.
         """
         # The margin is for a pixel in constant light, whose event comes at the very instant.
-        leaked = self._phase + self._rates * (elapsed_ns * _NANOSECOND)
+        leaked = self._phase + self._rates * as_seconds(elapsed_ns)
         return np.floor(leaked + 1e-6).astype(np.int64)
 
 

@@ -13,8 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray
 
 
 class Photoreceptor(Protocol):

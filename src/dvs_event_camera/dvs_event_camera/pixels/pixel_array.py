@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
 from dvs_event_camera.pixels.comparators import Comparator, NumpyComparator, ideal_comparator
 from dvs_event_camera.pixels.delay_line import DelayLine
@@ -316,7 +317,7 @@ class PixelArray:
                 self._stages = level_stages(wanted, levels, self._step, streams[1])
         self._labels = NoiseLabels.of(sample.size) if self._label_noise else None
         self._delay = (
-            DelayLine(wanted.latency * 1e9, wanted.jitter * 1e9, streams[2])
+            DelayLine(wanted.latency * NANOSECONDS, wanted.jitter * NANOSECONDS, streams[2])
             if wanted.delay_events
             else None
         )

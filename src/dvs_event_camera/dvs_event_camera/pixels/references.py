@@ -6,8 +6,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_event_camera.pixels.photoreceptor import Photoreceptor
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.arrays import FloatArray
 from dvs_event_camera.pixels.crossings import (
     NO_EVENTS,
     CountArray,
-    FloatArray,
     RawEvents,
     hold_invalid,
     join,

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 
 # Pixels up to which plain comparisons are cheaper than NumPy's.
 LARGEST_ARRAY = 32

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.events import EventPacket, parse_events
 from dvs_event_camera.streams.event_packet import MESSAGE_TYPE, parse_event_packet
 
@@ -76,4 +77,4 @@ def _packets(reader: Any, connection: Any) -> Iterator[tuple[float, EventPacket]
             index += len(packet.events)
         else:
             packet = parse_events(message)
-        yield recorded_ns * 1e-9, packet
+        yield as_seconds(recorded_ns), packet

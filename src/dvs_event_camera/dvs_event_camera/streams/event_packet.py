@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.cdr import CdrReader, CdrWriter, MessageError
 from dvs_common.wire.events import (
     FRAME_ID,
@@ -83,7 +84,7 @@ def decode_mono(
     times = times[order]
     if times.size and int(times[-1] - times[0]) > LONGEST_INTERVAL_NS:
         raise MessageError(
-            f'packet spans {(times[-1] - times[0]) * 1e-9:.3f} s, at most 2.1 s fit'
+            f'packet spans {as_seconds(times[-1] - times[0]):.3f} s, at most 2.1 s fit'
         )
     stamp_ns = int(times[-1]) if times.size else time_base
     events = make_events(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 # Blue, green, red of a full ON and a full OFF pixel; the ground is dark so that both stand out.
@@ -62,7 +63,7 @@ class EventRenderer:
             raise ParameterError('display_palette', palette, f'must be one of {list(PALETTES)}')
         self._shape = (height, width)
         self._decays = style == 'surface'
-        self._decay_ns = decay_s * 1e9
+        self._decay_ns = decay_s * NANOSECONDS
         self._surface = np.zeros(height * width)
         self._stamp_ns: int | None = None
         self._ramps = [np.array([BACKGROUND, colour], float) for colour in PALETTES[palette]]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.events import INDEX_MODULUS, EventPacket
 
 # Events a second that are better read one by one than by the million.
@@ -108,7 +109,7 @@ class StreamStatistics:
             self._next_index = self._last_ns = None
         if received_s is not None:
             self._receptions.append(received_s)
-            self._delays.append(received_s - packet.stamp_ns * 1e-9)
+            self._delays.append(received_s - as_seconds(packet.stamp_ns))
         if len(packet.events):
             self._count(packet)
         begin_ns = self._first_ns(packet) if self._last_ns is None else self._last_ns
@@ -143,7 +144,7 @@ class StreamStatistics:
             lost_events=self._lost,
             unordered_events=self._unordered,
             restarts=self._restarts,
-            seconds=self._covered_ns * 1e-9,
+            seconds=as_seconds(self._covered_ns),
             delay_s=delay if abs(delay) < self._SAME_CLOCK_S else math.nan,
             jitter_s=float(np.std(intervals)) if intervals.size > 1 else math.nan,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.wire.events import EventPacket
 from dvs_event_camera.streams.event_sinks import EventSink
 from dvs_event_camera.streams.stream_statistics import StreamStatistics
@@ -27,7 +28,7 @@ class EventShow:
     ) -> None:
         self._sinks = sinks
         self._left = limit
-        self._span_ns = None if seconds is None else round(seconds * 1e9)
+        self._span_ns = None if seconds is None else as_nanoseconds(seconds)
         self._first_ns: int | None = None
         self.statistics = StreamStatistics()
         self.done = limit == 0

@@ -18,6 +18,7 @@ from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.node.spin import StopSignal
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
@@ -108,7 +109,7 @@ def frames_of(options: argparse.Namespace) -> Iterator[NDArray[Any]]:
         dark=options.dark,
         bright=options.bright,
     )
-    period_ns = round(1e9 / (options.source_rate or options.rate))
+    period_ns = round(NANOSECONDS / (options.source_rate or options.rate))
     return synthetic_frames(options.source, scene, period_ns)
 
 
@@ -147,7 +148,7 @@ def publish_frames(
         Set by SIGINT and SIGTERM.
     """
     publisher = node.create_publisher(Image, topics.LUMINOSITY, topics.stream_qos())
-    period_ns = round(1e9 / (options.source_rate or options.rate))
+    period_ns = round(NANOSECONDS / (options.source_rate or options.rate))
     start_ns = node.get_clock().now().nanoseconds
     start_s = time.monotonic()
     for number, frame in enumerate(frames):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import as_seconds
 from dvs_event_camera.streams.image_source import decode_picture
 
 FloatImage = NDArray[np.float64]
@@ -161,7 +162,7 @@ def synthetic_frames(name: str, scene: Scene, period_ns: int) -> Iterator[NDArra
     draw = SCENES[name]
     number = 0
     while True:
-        yield draw(scene, number * period_ns * 1e-9)
+        yield draw(scene, as_seconds(number * period_ns))
         number += 1
 
 

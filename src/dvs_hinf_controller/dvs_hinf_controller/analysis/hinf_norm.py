@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import ComplexArray, StateSpace
 
 _AXIS_TOLERANCE = 1e-8

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.hinf_norm import axis_crossings
 from dvs_hinf_controller.state_space import ComplexArray, StateSpace
 

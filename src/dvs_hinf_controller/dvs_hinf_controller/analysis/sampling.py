@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from dvs_common.scenario.model import FloatArray, PlantModel
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
 
 _STEPS_PER_DECADE = 20

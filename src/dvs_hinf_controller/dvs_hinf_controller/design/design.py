@@ -173,13 +173,15 @@ def design_from_scenario(scenario: Scenario) -> Design:
         another problem.
     """
     problem = DesignProblem.from_scenario(scenario)
-    if scenario['method'] == 'file':
-        if not scenario['design_file']:
+    if scenario.controller.method == 'file':
+        if not scenario.controller.design_file:
             raise ParameterError('design_file', '', 'must be given with method: file')
-        return load_design(scenario['design_file'], problem)
+        return load_design(scenario.controller.design_file, problem)
     try:
         return design_controller(
-            problem, method=scenario['method'], options=DesignOptions.from_scenario(scenario)
+            problem,
+            method=scenario.controller.method,
+            options=DesignOptions.from_scenario(scenario),
         )
     except np.linalg.LinAlgError as error:
         raise SynthesisError(

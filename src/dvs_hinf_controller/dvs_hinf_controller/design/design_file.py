@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray, PixelScene
+from dvs_common.scenario.model import PixelScene
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 

@@ -22,7 +22,7 @@ from dvs_hinf_controller.design.design import (
 from dvs_hinf_controller.design.design_report import report_text
 from dvs_hinf_controller.design.start_up import darkness_warnings
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.synthesis.methods import METHODS
+from dvs_hinf_controller.synthesis.methods import method_names
 
 _DEFAULT_EXTENT = 0.01
 
@@ -74,13 +74,13 @@ def with_pixels(scenario: Scenario, grid: str) -> Scenario:
     if match is None:
         raise ParameterError('pixels', grid, 'must be HEIGHTxWIDTH, for instance 720x1280')
     height, width = int(match[1]), int(match[2])
-    pitch = scenario['pixel_pitch'] or _spanning_pitch(scenario, height, width)
+    pitch = scenario.pixels.pixel_pitch or _spanning_pitch(scenario, height, width)
     return scenario.replace(pixel_offsets=(), pixel_pitch=pitch, pixel_grid=(height, width))
 
 
 def _spanning_pitch(scenario: Scenario, height: int, width: int) -> tuple[float, ...]:
-    n = len(scenario['output_vector'])
-    extent = float(np.max(np.abs(scenario['pixel_offsets']), initial=0.0)) or _DEFAULT_EXTENT
+    n = len(scenario.plant.output_vector)
+    extent = float(np.max(np.abs(scenario.pixels.pixel_offsets), initial=0.0)) or _DEFAULT_EXTENT
     pitch = np.zeros((2, n))
     pitch[0, 0] = 2 * extent / max(width - 1, 1)
     pitch[1, min(1, n - 1)] = 2 * extent / max(height - 1, 1)
@@ -93,7 +93,7 @@ def _run(options: argparse.Namespace) -> None:
         scenario = with_pixels(scenario, options.pixels)
     if options.method:
         scenario = scenario.replace(method=options.method)
-    methods = list(METHODS) if options.compare else [scenario['method']]
+    methods = method_names() if options.compare else [scenario.controller.method]
     designs = [design_from_scenario(scenario.replace(method=method)) for method in methods]
     _print(designs, scenario, as_json=options.json)
     if options.figure:
@@ -109,17 +109,17 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> N
         objects = [as_json_object(design) for design in designs]
         print(json.dumps(objects if len(objects) > 1 else objects[0], indent=1))
         return
-    print(report_text(designs, event_threshold=scenario['event_threshold']))
+    print(report_text(designs, event_threshold=scenario.sensor.event_threshold))
     problem: DesignProblem = designs[0].problem
     if problem.equilibrium.residual > 0:
         point = ', '.join(f'{value:.6g}' for value in problem.equilibrium.state)
         print(f'\nset-point used: [{point}], the nearest that the plant can hold')
-    for warning in darkness_warnings(problem, scenario['photoreceptor']):
+    for warning in darkness_warnings(problem, scenario.sensor.photoreceptor):
         print(f'warning: {warning}', file=sys.stderr)
     for design in designs:
-        if scenario['sampling_period'] > design.figures.max_sampling_period:
+        if scenario.loop.sampling_period > design.figures.max_sampling_period:
             print(
-                f'warning: {design.method}: sampling_period = {scenario["sampling_period"]:g} s '
+                f'warning: {design.method}: sampling_period = {scenario.loop.sampling_period:g} s '
                 f'exceeds {design.figures.max_sampling_period:.3g} s; see bandwidth_limit',
                 file=sys.stderr,
             )
@@ -132,7 +132,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--params-file', required=True, metavar='FILE', help='scenario, YAML')
     parser.add_argument(
-        '--method', choices=[*METHODS, 'file'], help="synthesis method; default: the scenario's"
+        '--method',
+        metavar='METHOD',
+        help=f"{', '.join(method_names())} or file; default: the scenario's method",
     )
     parser.add_argument('--compare', action='store_true', help='all methods side by side')
     parser.add_argument('--json', action='store_true', help='print JSON (--compare: a list)')

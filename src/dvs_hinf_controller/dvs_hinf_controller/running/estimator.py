@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.keyframe import Keyframe

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EventPacket
 from dvs_common.wire.keyframe import Keyframe
@@ -18,7 +19,6 @@ from dvs_hinf_controller.running.estimator import Estimator
 from dvs_hinf_controller.running.held_input import HeldInputResponse
 from dvs_hinf_controller.running.synchroniser import Synchroniser, Synchrony
 
-_NANOSECOND_S = 1e-9
 _KEPT_STEPS = 16
 
 
@@ -281,7 +281,7 @@ class EventController:
             self._synchroniser.give_up()
             raise
         ages_ns = np.minimum(-events['t'].astype(np.int64), self._duration_ns)
-        responses = self._response.response(ages_ns * _NANOSECOND_S)
+        responses = self._response.response(as_seconds(ages_ns))
         self._state = self._held(self._duration_ns) + jumps @ responses
         self._deviation = self._mean_deviation()
         return lost
@@ -347,7 +347,7 @@ class EventController:
             return self._state
         step = self._steps.get(duration_ns)
         if step is None:
-            duration_s = duration_ns * _NANOSECOND_S
+            duration_s = as_seconds(duration_ns)
             step = (
                 self._response.transition(duration_s),
                 self._response.response(np.array([duration_s]))[0],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 
 # Eigenvectors worse conditioned than this would cost more than six of sixteen digits.
 _WORST_CONDITION = 1e6

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.optimize
 import scipy.sparse
 
-from dvs_common.scenario.model import FloatArray, PlantModel
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.peak_gain import (
     SampledKernel,
     peak_gains,

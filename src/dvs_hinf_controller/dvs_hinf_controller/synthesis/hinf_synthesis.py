@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
 from dvs_hinf_controller.synthesis.riccati import is_semidefinite, stabilizing_solution
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError

@@ -1,9 +1,10 @@
-"""The synthesis methods by name; users add their own to the registry."""
+"""The synthesis methods by name; packages add their own by an entry point."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 
 from dvs_common.errors import ParameterError
 from dvs_hinf_controller.controller import LinearController
@@ -14,6 +15,9 @@ from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 
 Synthesis = Callable[[DesignProblem, DesignOptions], LinearController]
+
+# Group of entry points; each loads an object with `name` and `synthesize`.
+ENTRY_POINTS = 'dvs_hinf_controller.methods'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,20 +58,33 @@ METHODS = {
 }
 
 
+def method_names() -> tuple[str, ...]:
+    """Names of the suite's methods and of those that installed packages register."""
+    return (*METHODS, *(entry.name for entry in entry_points(group=ENTRY_POINTS)))
+
+
 def synthesis_method(name: str) -> SynthesisMethod:
-    """Return the registered method called `name`.
+    """Return the method called `name`, of the suite or of an installed package.
 
     Parameters
     ----------
     name
-        Key of `METHODS`.
+        One of `method_names`.
 
     Raises
     ------
     ParameterError
-        If there is no such method; lists those that there are.
+        If there is no such method, listing those that there are, or if it can't be loaded.
     """
-    try:
+    if name in METHODS:
         return METHODS[name]
-    except KeyError:
-        raise ParameterError('method', name, f'must be one of {", ".join(METHODS)}') from None
+    for entry in entry_points(group=ENTRY_POINTS, name=name):
+        try:
+            method: SynthesisMethod = entry.load()
+        except Exception as error:
+            rule = f'can not be loaded from {entry.value}: {error}'
+            raise ParameterError('method', name, rule) from error
+        if not callable(getattr(method, 'synthesize', None)):
+            raise ParameterError('method', name, f'is {entry.value}, which has no synthesize')
+        return method
+    raise ParameterError('method', name, f'must be one of {", ".join((*method_names(), "file"))}')

@@ -56,7 +56,7 @@ class DesignOptions:
             Checked parameters.
         """
         return cls(
-            gamma_slack=scenario['gamma_slack'],
-            bandwidth_limit=scenario['bandwidth_limit'],
-            process_noise=scenario['process_noise'],
+            gamma_slack=scenario.controller.gamma_slack,
+            bandwidth_limit=scenario.controller.bandwidth_limit,
+            process_noise=scenario.controller.process_noise,
         )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from dvs_common.scenario.model import FloatArray, PlantModel
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.state_space import state_response
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg import lapack
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 
 _AXIS_TOLERANCE = 1e-11
 _RESIDUAL_TOLERANCE = 1e-6

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray, PlantModel
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.mu import log_grid, mu_bounds
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.state_space import state_response

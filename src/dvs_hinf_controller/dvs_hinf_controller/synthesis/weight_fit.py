@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 import scipy.optimize
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import StateSpace
 
 _GOOD_ENOUGH = 3e-4

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from dvs_common.scenario.model import FloatArray, PlantModel
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 

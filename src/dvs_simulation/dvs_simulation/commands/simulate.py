@@ -65,10 +65,10 @@ def run(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None
     }
     scenario = scenario.replace(**changes)
-    if scenario['plant_executable'] != SCHEMA['plant_executable'].default:
+    if scenario.plant.plant_executable != SCHEMA['plant_executable'].default:
         raise ParameterError(
             'plant_executable',
-            scenario['plant_executable'],
+            scenario.plant.plant_executable,
             'is not the linear plant, which alone is simulated here',
         )
     name = options.params_file.stem
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
 def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
     design = design_from_scenario(scenario)
     loop = ClosedLoop.from_scenario(scenario, design.controller)
-    duration = float(scenario['duration'])
+    duration = float(scenario.loop.duration)
     count = max(2, min(6001, _MOST_SECTOR_VALUES // loop.pixel_count))
     started = time.process_time()
     trajectory = simulate(
@@ -96,7 +96,7 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
     (output / 'result.json').write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
     with plotting.in_style():
         run_figure(
-            loop, trajectory, tolerance=scenario['tolerance'], title=_title(result)
+            loop, trajectory, tolerance=scenario.objective.tolerance, title=_title(result)
         ).savefig(output / 'figure.png', dpi=120)
     print(_summary(result, output))
     return 0 if result['regulated'] and result['sector_ratio_max'] <= 1 + _ROUNDING else 1

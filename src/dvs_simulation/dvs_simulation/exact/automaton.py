@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray, finite_array
 from dvs_common.scenario.reference_bounds import threshold_step
 from dvs_simulation.exact import layout
 from dvs_simulation.exact.compilation import load_kernel, numba_available

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 
 IntArray = np.ndarray
 

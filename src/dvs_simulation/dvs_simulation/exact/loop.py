@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import Equilibrium, FloatArray, PixelScene, PlantModel, finite_array
+from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_event_camera.pixels.references import initial_references
 from dvs_hinf_controller.analysis.sector import Sector, sector
 from dvs_hinf_controller.controller import LinearController
-
-Photoreceptor = Literal['log', 'signed_log']
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +63,7 @@ class ClosedLoop:
     event_threshold: float
     log_base: float = math.e
     initial_reference: FloatArray | None = None
-    photoreceptor: Photoreceptor = 'log'
+    photoreceptor: str = 'log'
     dead_band: float = 0.0
 
     def __post_init__(self) -> None:
@@ -107,13 +105,13 @@ class ClosedLoop:
             controller=controller,
             bounds=bounds,
             initial_state=scenario.initial_state,
-            event_threshold=scenario['event_threshold'],
-            log_base=scenario['log_base'],
+            event_threshold=scenario.sensor.event_threshold,
+            log_base=scenario.sensor.log_base,
             initial_reference=initial_references(
-                scenario['initial_reference'], bounds, luminosity, scenario['seed']
+                scenario.sensor.initial_reference, bounds, luminosity, scenario.loop.seed
             ),
-            photoreceptor=scenario['photoreceptor'],
-            dead_band=scenario['dead_band'],
+            photoreceptor=scenario.sensor.photoreceptor,
+            dead_band=scenario.sensor.dead_band,
         )
 
     @property

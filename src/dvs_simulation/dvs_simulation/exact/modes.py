@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray
 
 # Largest entry accepted in the change of basis that splits two blocks: it costs the state that
 # factor in precision, so 1e4 leaves twelve digits.

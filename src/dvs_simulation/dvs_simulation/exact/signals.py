@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import threshold_step
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.trajectory import Trajectory

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 
 Status = Literal['completed', 'zeno', 'diverged', 'max_events']
 

@@ -74,21 +74,23 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
 
 
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
-    errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
+    errors = np.linalg.norm(trace.states - np.array(scenario.objective.set_point), axis=1)
     axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
     if np.any(errors > 0):
         axes.set_yscale('log')
-    axes.axhline(scenario['tolerance'], color=VERMILION, ls='--', lw=1, label='tolerance eps')
+    axes.axhline(
+        scenario.objective.tolerance, color=VERMILION, ls='--', lw=1, label='tolerance eps'
+    )
     axes.set(xlabel='time [s]', ylabel='error ||x - x_d|| [state units]', title='Error')
     axes.legend(loc='upper right', frameon=False)
     axes.grid(alpha=0.3, which='both')
 
 
 def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
-    centre = np.array(scenario['set_point'])
+    centre = np.array(scenario.objective.set_point)
     if centre.size < 2:
         axes.plot(trace.times_s, trace.states[:, 0], color=BLUE, lw=1.2)
-        for bound in centre[0] + scenario['tolerance'] * np.array([-1, 1]):
+        for bound in centre[0] + scenario.objective.tolerance * np.array([-1, 1]):
             axes.axhline(bound, color=VERMILION, ls='--', lw=1)
         axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d -+ eps')
         axes.set(xlabel='time [s]', ylabel='x1 [state units]', title='State')
@@ -98,7 +100,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
     axes.plot(trace.states[:, 0], trace.states[:, 1], color=BLUE, lw=0.9)
     axes.plot(*trace.states[0, :2], 'o', color=GREEN, ms=6, label='start x0')
     angle = np.linspace(0, 2 * np.pi, 200)
-    circle = scenario['tolerance'] * np.array([np.cos(angle), np.sin(angle)])
+    circle = scenario.objective.tolerance * np.array([np.cos(angle), np.sin(angle)])
     axes.plot(
         centre[0] + circle[0], centre[1] + circle[1], '--', color=VERMILION, lw=1, label='eps ball'
     )
@@ -170,8 +172,8 @@ def _draw_command(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict
 
 def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     relative = np.abs(trace.estimates - trace.luminosities) / np.abs(trace.luminosities)
-    if scenario['photoreceptor'] == 'signed_log':
-        relative[np.abs(trace.luminosities) < scenario['dead_band']] = np.nan
+    if scenario.sensor.photoreceptor == 'signed_log':
+        relative[np.abs(trace.luminosities) < scenario.sensor.dead_band] = np.nan
     axes.plot(trace.times_s, np.nanmax(relative, axis=1), color=BLUE, lw=0.9)
     axes.axhline(verdict.delta_z, color=VERMILION, ls='--', lw=1, label='sector bound delta_z')
     axes.legend(loc='lower right', frameon=False)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.events import EVENT_DTYPE, parse_events
 from dvs_common.wire.messages import parse_array, parse_command, parse_state
@@ -96,7 +97,7 @@ def decode_trace(messages: Messages) -> Trace:
     kept = [packets[stamp] for stamp in stamps]
     event_times_ns = [p.stamp_ns - start_ns + p.events['t'].astype(np.int64) for p in kept]
     return Trace(
-        times_s=_seconds(np.array(stamps, dtype=np.int64) - start_ns),
+        times_s=as_seconds(np.array(stamps, dtype=np.int64) - start_ns),
         states=np.array([states[stamp] for stamp in stamps]),
         luminosities=np.array(
             [frames[stamp].pixels.reshape(-1) for stamp in stamps], dtype=np.float64
@@ -104,10 +105,6 @@ def decode_trace(messages: Messages) -> Trace:
         estimates=np.array(estimates),
         commands=np.array([command.values for command in commands]),
         events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
-        event_times_s=_seconds(np.concatenate(event_times_ns)),
+        event_times_s=as_seconds(np.concatenate(event_times_ns)),
         width=frames[start_ns].pixels.shape[1],
     )
-
-
-def _seconds(nanoseconds: NDArray[np.int64]) -> FloatArray:
-    return np.asarray(nanoseconds * 1e-9, dtype=np.float64)

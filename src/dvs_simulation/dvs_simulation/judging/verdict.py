@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.analysis.sector import sector
@@ -155,15 +155,15 @@ def judge(
     bounds
         Bounds m, M of q(0); those around the first luminosity for None.
     """
-    errors = np.linalg.norm(trace.states - np.array(scenario['set_point']), axis=1)
+    errors = np.linalg.norm(trace.states - np.array(scenario.objective.set_point), axis=1)
     settled = trace.times_s >= trace.times_s[-1] * (2 / 3)
     limsup = float(errors[settled].max())
     cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
     return Verdict(
         scenario=name,
-        regulated=limsup < scenario['tolerance'],
+        regulated=limsup < scenario.objective.tolerance,
         interrupted=interrupted,
-        tolerance=scenario['tolerance'],
+        tolerance=scenario.objective.tolerance,
         final_error=float(errors[-1]),
         limsup_error=limsup,
         sector_ratio_max=float(sector_ratios(trace, scenario, bounds).max(initial=0.0)),
@@ -172,11 +172,11 @@ def judge(
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
         cycles=cycles,
-        samples_skipped=round(trace.times_s[-1] / scenario['sampling_period']) + 1 - cycles,
+        samples_skipped=round(trace.times_s[-1] / scenario.loop.sampling_period) + 1 - cycles,
         cycles_per_second=(cycles - 1) / wall_seconds if wall_seconds > 0 else 0.0,
         wall_seconds=wall_seconds,
         simulated_seconds=float(trace.times_s[-1]),
-        h=scenario['event_threshold'],
+        h=scenario.sensor.event_threshold,
         h_star=h_star,
     )
 
@@ -200,8 +200,8 @@ def sector_ratios(
     # No estimate is in the sector of y = 0: the ratio is infinite, or the pixel is silent.
     with np.errstate(divide='ignore', invalid='ignore'):
         ratios: FloatArray = np.abs(trace.estimates - y) / (bound * np.abs(y))
-    if scenario['photoreceptor'] == 'signed_log':
-        outside = np.abs(y) >= float(scenario['dead_band'])
+    if scenario.sensor.photoreceptor == 'signed_log':
+        outside = np.abs(y) >= float(scenario.sensor.dead_band)
         return np.asarray(ratios[outside])
     return ratios.ravel()
 
@@ -209,6 +209,6 @@ def sector_ratios(
 def _error_bound(trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None) -> FloatArray:
     return sector(
         bounds or scenario.reference_bounds(trace.luminosities[0]),
-        event_threshold=scenario['event_threshold'],
-        log_base=scenario['log_base'],
+        event_threshold=scenario.sensor.event_threshold,
+        log_base=scenario.sensor.log_base,
     ).error_bound

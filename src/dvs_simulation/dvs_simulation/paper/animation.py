@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Figure, FigureCanvasAgg, Rectangle, colormaps, to_rgb
-from dvs_common.scenario.model import FloatArray
 from dvs_simulation import plotting
 from dvs_simulation.paper.experiments import Experiment
 from dvs_simulation.paper.published import TOLERANCE

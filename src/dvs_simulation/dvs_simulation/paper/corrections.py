@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Axes, Figure
-from dvs_common.scenario.model import FloatArray
 from dvs_hinf_controller.state_space import state_response
 from dvs_simulation import plotting
 from dvs_simulation.paper.experiments import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.analysis.thresholds import event_threshold
 from dvs_hinf_controller.design.design import Design, DesignFigures, design_controller, measure

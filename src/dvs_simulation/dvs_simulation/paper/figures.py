@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Figure
-from dvs_common.scenario.model import FloatArray
 from dvs_hinf_controller.state_space import state_response
 from dvs_simulation import plotting
 from dvs_simulation.exact.signals import estimates_at

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_common.scenario.scenario import Scenario
 
 Example = Literal['paper', 'mirror']

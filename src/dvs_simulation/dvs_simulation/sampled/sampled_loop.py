@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import FloatArray
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.events import pack_events, parse_events
 from dvs_common.wire.messages import (
@@ -68,7 +69,7 @@ def run_sampled(scenario: Scenario) -> SampledRun:
         If no controller exists.
     """
     if not scenario.sample_count:
-        raise ParameterError('duration', scenario['duration'], 'must be > 0 for a sampled run')
+        raise ParameterError('duration', scenario.loop.duration, 'must be > 0 for a sampled run')
     model = scenario.model
     model.require_stabilizable()
     model.require_detectable()
@@ -89,7 +90,7 @@ def run_sampled(scenario: Scenario) -> SampledRun:
     controller = EventController(
         design.problem,
         design.controller,
-        event_threshold=scenario['event_threshold'],
+        event_threshold=scenario.sensor.event_threshold,
         command_limit=scenario.command_limit,
     )
     for sample in range(scenario.sample_count + 1):
@@ -107,7 +108,7 @@ def _publish_sample(
 ) -> bytes:
     model, scene = scenario.model, scenario.scene
     luminosity = scene.luminosity(model, state)
-    if scenario['photoreceptor'] == 'log' and luminosity.min() <= 0:
+    if scenario.sensor.photoreceptor == 'log' and luminosity.min() <= 0:
         luminosity = _nonphysical(scenario, luminosity, stamp_ns)
     image = pack_image(stamp_ns, luminosity.reshape(scene.height, scene.width), '64FC1')
     names = tuple(f'x{i + 1}' for i in range(model.state_count))
@@ -117,15 +118,15 @@ def _publish_sample(
 
 
 def _nonphysical(scenario: Scenario, luminosity: FloatArray, stamp_ns: int) -> FloatArray:
-    policy = scenario['nonphysical_luminosity']
+    policy = scenario.loop.nonphysical_luminosity
     if policy == 'stop':
         raise ParameterError(
             'initial_state',
             scenario.initial_state.tolist(),
-            f'leads to the luminosity {luminosity.min():.6g} <= 0 at {stamp_ns * 1e-9:.6f} s '
+            f'leads to the luminosity {luminosity.min():.6g} <= 0 at {as_seconds(stamp_ns):.6f} s '
             '(nonphysical_luminosity: stop; photoreceptor: log)',
         )
-    return np.maximum(luminosity, scenario['dead_band']) if policy == 'clamp' else luminosity
+    return np.maximum(luminosity, scenario.sensor.dead_band) if policy == 'clamp' else luminosity
 
 
 def _expose(run: SampledRun, camera: EventCamera, image: bytes) -> list[bytes]:

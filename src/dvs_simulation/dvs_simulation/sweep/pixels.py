@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvs_common.scenario.model import FloatArray
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.design.design import design_controller
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_simulation.exact import ClosedLoop, simulate

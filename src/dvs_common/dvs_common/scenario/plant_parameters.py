@@ -1,0 +1,118 @@
+"""What the plant is, what its pixels see and where it shall be held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvs_common.scenario.fields import ParameterGroup, parameter
+from dvs_common.scenario.nodes import CONTROLLER, PLANT
+from dvs_common.scenario.schema import NON_NEGATIVE, POSITIVE, Interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantParameters(ParameterGroup):
+    """The linear plant `xdot = A x + B u` with its start (paper, eq. 1)."""
+
+    state_matrix: tuple[float, ...] = parameter(
+        (2.0, 10.0, 0.0, 5.0),
+        'State matrix A, n x n, row-major (paper, eq. 1)',
+        nodes=(PLANT, CONTROLLER),
+        unit='1/s',
+    )
+    input_matrix: tuple[float, ...] = parameter(
+        (1.0, 1.0),
+        'Input matrix B, n x m, row-major (paper, eq. 1)',
+        nodes=(PLANT, CONTROLLER),
+    )
+    output_vector: tuple[float, ...] = parameter(
+        (0.894427190999916, 0.447213595499958),
+        'Output vector c, n entries: gradient of the brightness (paper, eq. 1)',
+        nodes=(PLANT, CONTROLLER),
+    )
+    initial_state: tuple[float, ...] = parameter(
+        (0.4821, 0.1572),
+        'Initial state x0 in original coordinates, n entries (paper, section IV)',
+        nodes=(PLANT, CONTROLLER),
+    )
+    plant_executable: str = parameter(
+        'dvs_plant_sim/plant_sim',
+        'Plant node that tools start for this scenario: package/executable, or the path of a '
+        'program (./my_plant.py is relative to the parameter file)',
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PixelParameters(ParameterGroup):
+    """The pixel array: where its pixels look (paper, eq. 1)."""
+
+    pixel_offsets: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.01, 0.0, -0.01, 0.0),
+        'Pixel displacements dx, r x n, row-major over the array (paper, eq. 1); unused where '
+        'there is a pixel_pitch',
+        nodes=(PLANT, CONTROLLER),
+    )
+    pixel_pitch: tuple[float, ...] = parameter(
+        (),
+        'Displacement from a column to the next and from a row to the next, 2 x n, row-major: '
+        'a regular grid in place of pixel_offsets',
+        nodes=(PLANT, CONTROLLER),
+    )
+    pixel_origin: tuple[float, ...] = parameter(
+        (),
+        'Displacement of the centre of the grid of pixel_pitch, n entries (empty: 0); along c '
+        'it is a brightness offset',
+        nodes=(PLANT, CONTROLLER),
+    )
+    pixel_grid: tuple[int, ...] = parameter(
+        (1, 3),
+        'Rows and columns [height, width] of the pixel array; height x width = r',
+        nodes=(PLANT, CONTROLLER),
+        unit='pixels',
+        interval=Interval(low=1, high=65535),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectiveParameters(ParameterGroup):
+    """What the loop shall reach (paper, Problem 1)."""
+
+    set_point: tuple[float, ...] = parameter(
+        (0.2321, -0.0928),
+        'Set-point x_d, n entries (paper, eq. 2)',
+        nodes=(PLANT, CONTROLLER),
+        dynamic=True,
+    )
+    set_point_tolerance: float = parameter(
+        0.001,
+        'Largest accepted residual ||(I - B B^+) A x_d||; within it the nearest stabilizable '
+        'point is used',
+        nodes=(PLANT, CONTROLLER),
+        interval=NON_NEGATIVE,
+    )
+    tolerance: float = parameter(
+        0.05,
+        'Tolerance eps: limsup ||x - x_d|| must stay below it (paper, Problem 1)',
+        nodes=(PLANT, CONTROLLER),
+        interval=POSITIVE,
+        dynamic=True,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DisturbanceParameters(ParameterGroup):
+    """What disturbs the simulated plant."""
+
+    input_disturbance: float = parameter(
+        0.0,
+        'Standard deviation of Gaussian noise on every input, held for a sampling period',
+        nodes=(PLANT,),
+        unit='input',
+        interval=NON_NEGATIVE,
+    )
+    state_disturbance: float = parameter(
+        0.0,
+        'Intensity of a Gaussian random walk added to every state',
+        nodes=(PLANT,),
+        unit='state/sqrt(s)',
+        interval=NON_NEGATIVE,
+    )
