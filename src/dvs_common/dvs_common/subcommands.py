@@ -49,12 +49,14 @@ def run_subcommand(
     """
     own, ros_arguments = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
     name = _parser(program, title, commands).parse_args(own[:1]).command
-    module = import_module(commands[name].module)
-    parser = argparse.ArgumentParser(prog=f'{program} {name}', description=commands[name].summary)
-    module.add_arguments(parser)
-    options = parser.parse_args(own[1:])
-    options.ros_arguments = ros_arguments
     try:
+        module = import_module(commands[name].module)
+        parser = argparse.ArgumentParser(
+            prog=f'{program} {name}', description=commands[name].summary
+        )
+        module.add_arguments(parser)
+        options = parser.parse_args(own[1:])
+        options.ros_arguments = ros_arguments
         return int(module.run(options))
     except SuiteError as error:
         print(f'{program} {name}: {error}', file=sys.stderr)

@@ -12,6 +12,7 @@ import pytest
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.writing import WriteError
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.design.design import (
     as_json_object,
@@ -324,7 +325,7 @@ def test_broken_design_files_are_named(
         load_design(path, paper_problem(1))
     with pytest.raises(ParameterError, match='cannot be read'):
         load_design(tmp_path / 'absent.json', paper_problem(1))
-    with pytest.raises(ParameterError, match='cannot be written'):
+    with pytest.raises(WriteError, match='cannot be written'):
         save_design(
             design_controller(paper_problem(1), method='unstructured'), tmp_path / 'no' / 'd.json'
         )
@@ -462,5 +463,5 @@ def test_what_can_not_be_designed_is_one_line(
 
 
 def test_a_figure_is_no_folder(params_file: Path, tmp_path: Path, capsys: Any) -> None:
-    assert main(['--params-file', str(params_file), '--figure', str(tmp_path)]) == 2
-    assert f'figure = {tmp_path}: is a folder' in capsys.readouterr().err
+    assert main(['--params-file', str(params_file), '--figure', str(tmp_path)]) == 1
+    assert f'{tmp_path}: cannot be written: is a folder' in capsys.readouterr().err

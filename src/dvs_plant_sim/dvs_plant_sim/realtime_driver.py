@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from dvs_plant_sim.plant_node import PlantNode
 
 _FAILURE = 1
+# A machine that stalls lets a plant run on; longer than this nobody would call it a run.
+_LONGEST_STALL_S = 10.0
+# What the clock may gain on the time that passes, with a simulated clock that runs fast.
+_MOST_GAIN_S, _MOST_GAIN = 1.0, 10.0
 
 
 class RealtimeDriver:
@@ -42,7 +47,8 @@ class RealtimeDriver:
     def start(self) -> None:
         """Count samples from now on."""
         self._plant = RealtimePlant(self._node.plant)
-        self._start_ns = self._now_ns()
+        self._start_ns = self._last_ns = self._now_ns()
+        self._last_wall_s = time.monotonic()
         self._sample = self._released_at = 0
         self._stale = False
         self._samples = self._skipped = self._skipped_reported = self._worst_delay_ns = 0
@@ -90,11 +96,16 @@ class RealtimeDriver:
 
     def _tick(self) -> None:
         now_ns = self._now_ns()
-        sample = (now_ns - self._start_ns) // self._period_ns
-        if sample < self._sample:
-            self._node.get_logger().warning('the clock went back: the plant starts anew')
+        if now_ns and not self._start_ns:
+            # A simulated clock that stood at 0 until now.
             self._node.activate()
             return
+        step = self._clock_step(now_ns)
+        if step:
+            self._node.get_logger().warning(f'{step}: the plant starts anew')
+            self._node.activate()
+            return
+        sample = (now_ns - self._start_ns) // self._period_ns
         if sample == self._sample:
             return
         self._skipped += sample - self._sample - 1
@@ -110,6 +121,18 @@ class RealtimeDriver:
             self._released_at = sample
         elif self._last_sample and sample - self._released_at >= self._last_sample:
             self._node.finish(0, f'run of {self._scenario.loop.duration:g} s finished')
+
+    def _clock_step(self, now_ns: int) -> str:
+        """What the clock did since the last turn, if that was no passing of time."""
+        wall_s = time.monotonic()
+        passed_s = wall_s - self._last_wall_s
+        gained_s = (now_ns - self._last_ns) * 1e-9
+        self._last_ns, self._last_wall_s = now_ns, wall_s
+        if now_ns < self._start_ns + self._sample * self._period_ns:
+            return 'the clock went back'
+        if gained_s > min(_LONGEST_STALL_S, _MOST_GAIN_S + _MOST_GAIN * passed_s):
+            return f'the clock went forward by {gained_s:.3f} s while {passed_s:.3f} s passed'
+        return ''
 
     def _watch_age(self, now_ns: int) -> None:
         arrival_ns = self._plant.last_arrival_ns

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Axes, Figure, drawing
+from dvs_common.writing import whole_file
 
 # Okabe and Ito (2008), in the order of use; tested for all common colour vision deficiencies.
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY = (
@@ -68,6 +70,22 @@ def new_figure(
     """
     figure = Figure(figsize=(width, height), layout='constrained')
     return figure, figure.subplots(rows, columns, **options)
+
+
+def save_figure(figure: Figure, path: Path, dpi: int) -> None:
+    """Write a figure, whole or not at all; to be called `in_style`.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        File to write; the ending decides the format.
+    dpi
+        Dots an inch.
+    """
+    with whole_file(path) as draft:
+        figure.savefig(draft, dpi=dpi)
 
 
 def draw_tolerance(axes: Axes, tolerance: float) -> None:

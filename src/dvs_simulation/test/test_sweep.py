@@ -1,5 +1,9 @@
 import csv
 import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import urlopen
@@ -8,6 +12,7 @@ import numpy as np
 import pytest
 
 from dvs_common.errors import ParameterError
+from dvs_common.writing import WriteError
 from dvs_simulation.cli import main
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
 from dvs_simulation.sweep.cluster import Cluster, TlsFiles
@@ -193,3 +198,35 @@ def test_a_scheduler_with_tls_needs_its_files(tmp_path):
     cluster = Cluster(scheduler='tls://h:1', tls=files)
     with pytest.raises(ParameterError, match='is not a file'), cluster.client():
         pass
+
+
+def test_ctrl_c_keeps_the_rows_and_says_one_line(tmp_path):
+    path = tmp_path / 'sweep.csv'
+    command = ['sweep', '--study', 'certificate', '--plants', '200', '--runs', '4']
+    command += ['--workers', '2', '--no-progress', '--output', str(path)]
+    code = f'import sys; from dvs_simulation.cli import main; sys.exit(main({command!r}))'
+    process = subprocess.Popen(
+        [sys.executable, '-c', code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    while process.poll() is None and not (path.exists() and read_rows(path)):
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    output, _ = process.communicate(timeout=60)
+
+    assert process.returncode == 0
+    assert output.startswith('interrupted: ') and output.count('\n') == 1
+    assert len(read_rows(path)) >= 4
+
+
+def test_a_full_disk_names_the_table(tmp_path):
+    study = squares(2)
+    table = ResultTable(tmp_path / 'table.csv', study)
+    (tmp_path / 'table.csv').unlink()
+    (tmp_path / 'table.csv').symlink_to('/dev/full')
+
+    with pytest.raises(WriteError, match=r'table\.csv: cannot be written: No space left'):
+        table.append(study.tasks[0], square(number=0))

@@ -48,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
     from dvs_closed_loop.reports.report_page import report_page
     from dvs_common.errors import ParameterError
     from dvs_common.scenario.scenario import load_scenario
+    from dvs_common.writing import write_text
     from dvs_simulation.judging.figure import PANELS, panel_svg, save_figure
     from dvs_simulation.output_folder import output_folder
 
@@ -66,7 +67,8 @@ def run(options: argparse.Namespace) -> int:
         figures = {title: panel_svg(title, recorded.trace, scenario, verdict) for title in PANELS}
         save_figure(recorded.trace, scenario, verdict, output / 'report.png')
     page = output / 'report.html'
-    page.write_text(
+    write_text(
+        page,
         report_page(
             bag=bag,
             recorded=recorded,
@@ -75,7 +77,6 @@ def run(options: argparse.Namespace) -> int:
             verdict=verdict,
             figures=figures,
         ),
-        encoding='utf-8',
     )
     print(verdict or f'{name}: no sample was recorded whole, so there is no verdict')
     for line in recorded.troubles:

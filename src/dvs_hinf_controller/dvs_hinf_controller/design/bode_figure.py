@@ -9,6 +9,7 @@ import numpy as np
 
 from dvs_common.drawing import Figure, drawing
 from dvs_common.errors import ParameterError
+from dvs_common.writing import whole_file
 from dvs_hinf_controller.analysis.mu import log_grid
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.state_space import state_response
@@ -29,15 +30,13 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
 
     Raises
     ------
-    ParameterError
+    WriteError
         If the file cannot be written.
     """
-    if Path(path).is_dir():
-        raise ParameterError('figure', path, 'is a folder')
     try:
-        with drawing():
-            _bode_figure(designs).savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
+        with drawing(), whole_file(path) as draft:
+            _bode_figure(designs).savefig(draft, dpi=120)
+    except ValueError as error:
         raise ParameterError('figure', path, f'cannot be written: {error}') from None
 
 

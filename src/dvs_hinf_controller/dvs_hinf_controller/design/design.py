@@ -231,7 +231,7 @@ def save_design(design: Design, path: str | Path) -> None:
 
     Raises
     ------
-    ParameterError
+    WriteError
         If the file cannot be written.
     """
     write_design_file(

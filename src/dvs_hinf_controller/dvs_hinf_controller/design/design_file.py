@@ -14,6 +14,7 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.model import PixelScene
+from dvs_common.writing import write_text
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 
@@ -90,7 +91,7 @@ def write_design_file(
 
     Raises
     ------
-    ParameterError
+    WriteError
         If the file cannot be written.
     """
     document = {
@@ -107,10 +108,7 @@ def write_design_file(
         },
         'figures': finite_or_null(figures),
     }
-    try:
-        Path(path).write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ParameterError('output', path, f'cannot be written: {error.strerror}') from None
+    write_text(path, json.dumps(document, indent=1) + '\n')
 
 
 def read_design_file(path: str | Path) -> StoredDesign:

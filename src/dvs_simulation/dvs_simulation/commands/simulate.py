@@ -13,6 +13,7 @@ import numpy as np
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_common.writing import write_text
 from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_simulation import plotting
 from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
@@ -93,11 +94,15 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
     )
     seconds = time.process_time() - started
     result = exact_result(name, design, loop, trajectory, cpu_seconds=seconds)
-    (output / 'result.json').write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
+    write_text(output / 'result.json', json.dumps(result, indent=2) + '\n')
     with plotting.in_style():
-        run_figure(
-            loop, trajectory, tolerance=scenario.objective.tolerance, title=_title(result)
-        ).savefig(output / 'figure.png', dpi=120)
+        plotting.save_figure(
+            run_figure(
+                loop, trajectory, tolerance=scenario.objective.tolerance, title=_title(result)
+            ),
+            output / 'figure.png',
+            dpi=120,
+        )
     print(_summary(result, output))
     return 0 if result['regulated'] and result['sector_ratio_max'] <= 1 + _ROUNDING else 1
 

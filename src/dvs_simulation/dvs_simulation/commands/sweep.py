@@ -12,6 +12,7 @@ from dvs_simulation.sweep.pixels import pixels_study
 from dvs_simulation.sweep.runner import run_study
 from dvs_simulation.sweep.study import Study
 from dvs_simulation.sweep.sweep_figures import save_study_figure
+from dvs_simulation.sweep.table import read_rows
 from dvs_simulation.sweep.threshold import critical_thresholds, threshold_study
 
 _DEFAULT_PLANTS, _DEFAULT_RUNS = 220, {'certificate': 500, 'threshold': 40, 'pixels': 200}
@@ -82,12 +83,17 @@ def run(options: argparse.Namespace) -> int:
             raise ParameterError(name, value, f'must be >= {least}')
     study = _study(options)
     path = options.output or Path('out') / f'{study.name}.csv'
-    table = run_study(
-        study,
-        path,
-        cluster=_cluster(options),
-        progress=not options.no_progress,
-    )
+    try:
+        table = run_study(
+            study,
+            path,
+            cluster=_cluster(options),
+            progress=not options.no_progress,
+        )
+    except KeyboardInterrupt:
+        kept = len(read_rows(path)) if path.exists() else 0
+        print(f'interrupted: {kept} runs are kept in {path}; the same command goes on from there')
+        return 0
     rows = table.rows()
     figure = path.with_suffix('.png')
     save_study_figure(study.name, rows, figure)

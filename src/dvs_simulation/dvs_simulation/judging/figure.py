@@ -10,6 +10,7 @@ import numpy as np
 
 from dvs_common.drawing import Axes, Figure, MaxNLocator, drawing
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.writing import whole_file
 from dvs_simulation.judging.trace import Trace
 from dvs_simulation.judging.verdict import Verdict
 
@@ -33,8 +34,8 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
     path
         File to write; the ending decides the format.
     """
-    with drawing():
-        _overview(trace, scenario, verdict).savefig(path, dpi=110)
+    with drawing(), whole_file(path) as draft:
+        _overview(trace, scenario, verdict).savefig(draft, dpi=110)
 
 
 def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:

@@ -12,6 +12,7 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.writing import write_text
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_simulation.judging.trace import Trace
 
@@ -100,7 +101,7 @@ class Verdict:
         path
             File to write.
         """
-        path.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n', encoding='utf-8')
+        write_text(path, json.dumps(dataclasses.asdict(self), indent=2) + '\n')
 
     def __str__(self) -> str:
         """Return the verdict as a few readable lines."""

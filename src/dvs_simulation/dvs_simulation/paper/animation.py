@@ -10,6 +10,7 @@ from PIL import Image
 
 from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Figure, FigureCanvasAgg, Rectangle, colormaps, to_rgb
+from dvs_common.writing import whole_file
 from dvs_simulation import plotting
 from dvs_simulation.paper.experiments import Experiment
 from dvs_simulation.paper.published import TOLERANCE
@@ -38,13 +39,14 @@ def animate_platform(experiment: Experiment, path: Path, *, frames: int = _FRAME
     with plotting.in_style():
         scene = _Scene(experiment, frame_times(frames))
         images = [scene.image(k) for k in range(frames)]
-    images[0].save(
-        path,
-        save_all=True,
-        append_images=images[1:],
-        duration=round(1000 / FRAMES_PER_SECOND),
-        loop=0,
-    )
+    with whole_file(path) as draft:
+        images[0].save(
+            draft,
+            save_all=True,
+            append_images=images[1:],
+            duration=round(1000 / FRAMES_PER_SECOND),
+            loop=0,
+        )
 
 
 def frame_times(frames: int) -> FloatArray:

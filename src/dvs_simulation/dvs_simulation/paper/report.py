@@ -7,6 +7,7 @@ import html
 from dataclasses import dataclass
 from pathlib import Path
 
+from dvs_common.writing import write_text
 from dvs_simulation.paper.table import TableRow
 
 _STYLE = """
@@ -86,7 +87,8 @@ def write_report(sections: list[Section], rows: list[TableRow], path: Path) -> N
         _section(section) + (_table(rows) if section.anchor == 'numbers' else '')
         for section in sections
     )
-    path.write_text(
+    write_text(
+        path,
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<link rel="icon" href="data:,"><title>Set-point regulation by events: the paper '
@@ -96,7 +98,6 @@ def write_report(sections: list[Section], rows: list[TableRow], path: Path) -> N
         f'exact event-driven simulation, with three corrections and a threshold that is a '
         f'guarantee.</p>'
         f'<nav>{links}</nav>{body}</main></body></html>\n',
-        encoding='utf-8',
     )
 
 

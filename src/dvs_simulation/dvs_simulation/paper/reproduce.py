@@ -145,7 +145,7 @@ def _curve_step(results: Results, method: str) -> Callable[[], None]:
 def _drawing_step(
     results: Results, draw: Callable[[Results], Figure], path: Path
 ) -> Callable[[], None]:
-    return lambda: draw(results).savefig(path, dpi=150)
+    return lambda: plotting.save_figure(draw(results), path, dpi=150)
 
 
 def _set(results: Results, name: str, value: object) -> None:

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from dvs_common.writing import whole_file
 from dvs_simulation.paper.experiments import Counterexample, Experiment
 from dvs_simulation.paper.published import (
     OPTIMAL_THRESHOLDS,
@@ -104,7 +105,7 @@ def write_table(rows: list[TableRow], path: Path) -> None:
     path
         File to write.
     """
-    with path.open('w', encoding='utf-8', newline='') as file:
+    with whole_file(path) as draft, draft.open('w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(COLUMNS)
         for row in rows:

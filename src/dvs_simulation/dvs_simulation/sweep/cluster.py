@@ -8,10 +8,12 @@ files.
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -81,16 +83,17 @@ class Cluster:
             with self._remote(distributed, self.scheduler) as client:
                 yield client
             return
-        local = distributed.LocalCluster(
-            host=_LOOPBACK if self.processes else None,
-            n_workers=self.workers or os.cpu_count(),
-            threads_per_worker=1,
-            processes=self.processes,
-            dashboard_address=f'{_LOOPBACK}:{self.dashboard_port or _ANY_PORT}',
-            scheduler_kwargs={'dashboard': self.dashboard_port is not None},
-            worker_dashboard_address=None,
-            silence_logs=50,
-        )
+        with _interrupts_for_us_alone():
+            local = distributed.LocalCluster(
+                host=_LOOPBACK if self.processes else None,
+                n_workers=self.workers or os.cpu_count(),
+                threads_per_worker=1,
+                processes=self.processes,
+                dashboard_address=f'{_LOOPBACK}:{self.dashboard_port or _ANY_PORT}',
+                scheduler_kwargs={'dashboard': self.dashboard_port is not None},
+                worker_dashboard_address=None,
+                silence_logs=50,
+            )
         with local, distributed.Client(local) as client:
             yield client
 
@@ -114,6 +117,21 @@ class Cluster:
             return distributed.Client(scheduler, timeout=_ANSWER_S, security=security)
         except (OSError, ValueError) as error:
             raise ParameterError('scheduler', scheduler, f'does not answer: {error}') from None
+
+
+@contextmanager
+def _interrupts_for_us_alone() -> Iterator[None]:
+    """Let children and threads inherit that SIGINT is blocked; one that comes meanwhile waits.
+
+    Ctrl-C reaches the whole process group, and every worker would answer with a traceback.
+    """
+    # Its first start would let SIGINT through again.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 THIS_MACHINE = Cluster()

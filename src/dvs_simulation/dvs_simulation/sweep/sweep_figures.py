@@ -32,7 +32,7 @@ def save_study_figure(name: str, rows: Rows, path: Path) -> None:
         'pixels': pixels_figure,
     }
     with plotting.in_style():
-        draw[name](rows).savefig(path, dpi=160)
+        plotting.save_figure(draw[name](rows), path, dpi=160)
 
 
 def certificate_figure(rows: Rows) -> Figure:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dvs_common.errors import ParameterError
+from dvs_common.writing import naming_file, write_text
 from dvs_simulation.output_folder import output_folder
 from dvs_simulation.sweep.study import Row, Study, Task
 
@@ -57,7 +58,10 @@ class ResultTable:
         text = self._format(
             [{'task': task.key, 'row': i, **row} for i, row in enumerate(rows)], header=False
         )
-        with self._path.open('a', encoding='utf-8', newline='') as file:
+        with (
+            naming_file(self._path),
+            self._path.open('a', encoding='utf-8', newline='') as file,
+        ):
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
@@ -92,9 +96,7 @@ class ResultTable:
         return kept
 
     def _rewrite(self, rows: list[dict[str, str]]) -> None:
-        draft = self._path.with_name(self._path.name + '.part')
-        draft.write_text(f'# {self._header}\n{self._format(rows, header=True)}', encoding='utf-8')
-        draft.replace(self._path)
+        write_text(self._path, f'# {self._header}\n{self._format(rows, header=True)}')
 
     def _format(self, rows: list[Any], *, header: bool) -> str:
         text = io.StringIO()
