@@ -126,7 +126,7 @@ class RealtimeDriver:
         """What the clock did since the last turn, if that was no passing of time."""
         wall_s = time.monotonic()
         passed_s = wall_s - self._last_wall_s
-        gained_s = (now_ns - self._last_ns) * 1e-9
+        gained_s = as_seconds(now_ns - self._last_ns)
         self._last_ns, self._last_wall_s = now_ns, wall_s
         if now_ns < self._start_ns + self._sample * self._period_ns:
             return 'the clock went back'

@@ -30,6 +30,8 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
 
     Raises
     ------
+    ParameterError
+        If the ending of the file is no format.
     WriteError
         If the file cannot be written.
     """
