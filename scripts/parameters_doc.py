@@ -23,7 +23,15 @@ edit.
 One file serves every node and tool: `/**: ros__parameters:` followed by these names. What a file
 does not name has its default, and the defaults together are the scenario `config/mirror_r3.yaml`.
 A name that is not in this table is refused, with the nearest one that is; so is a value outside of
-its range. Lists are flat, matrices row by row. ROS wants all numbers of a list alike: write `1.0`
+its range.
+
+Keys are those of ROS: `/**`, a node (`plant_sim`, `/left/plant_sim`), wildcards (`/**/plant_sim`,
+`/left/*`), nested namespaces; of two sections that match a node the later one counts, and nodes
+may get different values. Tools refuse a key that matches no node of the loop, and a value that
+none of the nodes gets that read it. Where nodes differ, a run is judged by what plant and camera
+got, and the controller is designed for what the controller got; `simulate` wants all alike.
+
+Lists are flat, matrices row by row. ROS wants all numbers of a list alike: write `1.0`
 beside `0.5`, not `1`.
 
 Names that begin with `plant.` are those of a plant node other than `plant_sim`: that node alone

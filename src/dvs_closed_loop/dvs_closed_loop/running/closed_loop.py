@@ -20,7 +20,9 @@ from dvs_closed_loop.running.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.running.loop_runner import LoopError, run_loop
 from dvs_closed_loop.running.run_recorder import RECORDED
 from dvs_common.errors import SuiteError
+from dvs_common.node.node_plan import checked_namespace
 from dvs_common.node.spin import StopSignal
+from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
 from dvs_hinf_controller.design.design import design_from_scenario
@@ -87,7 +89,9 @@ def run_scenario(
         If a signal comes before the first command.
     """
     parameters = dict(parameters or {})
-    scenario = load_scenario(parameter_file).replace(**parameters)
+    space = checked_namespace(namespace)
+    scenario = load_scenario(parameter_file, namespace=space).replace(**parameters)
+    believed = load_scenario(parameter_file, namespace=space, node=CONTROLLER)
     plans = loop_plan(
         scenario,
         parameter_file,
@@ -97,7 +101,7 @@ def run_scenario(
         composed=composed,
         plant_waits=True,
     )
-    design = design_from_scenario(scenario)
+    design = design_from_scenario(believed.replace(**parameters))
     output_folder(output)
     bag_path = output / 'bag'
     if bag_path.exists():

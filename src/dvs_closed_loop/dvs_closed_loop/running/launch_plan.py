@@ -176,8 +176,9 @@ def launch_plan(arguments: Mapping[str, str]) -> LaunchPlan:
             )
     file = scenario_file(values['scenario'])
     parameters = given(mode=values['mode'], method=values['method'])
+    scenario = load_scenario(file, namespace=checked_namespace(values['namespace']))
     *partners, plant = loop_plan(
-        load_scenario(file).replace(**parameters),
+        scenario.replace(**parameters),
         file,
         namespace=values['namespace'],
         parameters=parameters,

@@ -16,7 +16,7 @@ from dvs_common.scenario.scenario import Scenario
 
 _PATIENCE_S = 2.0
 _NAMES = {
-    node: [spec.name for spec in SCHEMA.of_node(node)] for node in (CAMERA, CONTROLLER, PLANT)
+    node: [spec.name for spec in SCHEMA.of_node(node)] for node in (CONTROLLER, CAMERA, PLANT)
 }
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ import yaml
 
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.schema import is_ros_parameter
+
+_PARAMETERS = 'ros__parameters'
+_WILDCARDS = {'/*': r'/\w+', '/**': r'(/\w+)*'}
 
 
 class _RosLoader(yaml.SafeLoader):
@@ -33,8 +37,71 @@ _RosLoader.add_implicit_resolver(
 )
 
 
-def read_parameters(path: str | Path) -> dict[str, Any]:
-    """Parameters of a ROS 2 parameter file (``/**: ros__parameters:``) by their flat names.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """What a parameter file has for the nodes whose full names match a pattern.
+
+    Parameters
+    ----------
+    key
+        Key in the file; of nested namespaces, joined by slashes.
+    values
+        Values by flat parameter name, without ROS's own.
+    """
+
+    key: str
+    values: Mapping[str, Any]
+
+    @property
+    def pattern(self) -> str:
+        """Full name that nodes are matched with: ``*`` is one token, ``**`` any number of them."""
+        return self.key if self.key.startswith('/') else f'/{self.key}'
+
+    def matches(self, full_name: str) -> bool:
+        """Whether rcl gives a node these values.
+
+        Parameters
+        ----------
+        full_name
+            Namespace and name of the node, as in ``/left/plant_sim``.
+        """
+        tokens = re.split(r'(/\*{1,2})', self.pattern)
+        pattern = ''.join(_WILDCARDS.get(token, re.escape(token)) for token in tokens)
+        return re.fullmatch(pattern, full_name) is not None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterFile:
+    """A parameter file with a section for each node, or for all.
+
+    Parameters
+    ----------
+    path
+        Where it is.
+    sections
+        In the order of the file.
+    """
+
+    path: Path
+    sections: tuple[Section, ...]
+
+    def values_of(self, full_name: str) -> dict[str, Any]:
+        """Values that a node gets: of two sections with a name, the later one counts.
+
+        Parameters
+        ----------
+        full_name
+            Namespace and name of the node.
+        """
+        values: dict[str, Any] = {}
+        for section in self.sections:
+            if section.matches(full_name):
+                values.update(section.values)
+        return values
+
+
+def read_parameter_file(path: str | Path) -> ParameterFile:
+    """Read a ROS 2 parameter file.
 
     Parameters
     ----------
@@ -53,20 +120,27 @@ def read_parameters(path: str | Path) -> dict[str, Any]:
     except (yaml.YAMLError, ValueError) as error:
         reason = ' '.join(str(error).split())
         raise ParameterError('params-file', path, f'is not YAML: {reason}') from None
-    return _merged_parameters(path, document)
-
-
-def _merged_parameters(path: str | Path, document: object) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise ParameterError('params-file', path, 'must be a mapping "/**: ros__parameters: ..."')
-    merged: dict[str, Any] = {}
-    for node, body in document.items():
-        parameters = body.get('ros__parameters') if isinstance(body, dict) else None
-        if not isinstance(parameters, dict):
-            raise ParameterError('params-file', path, f'has no ros__parameters under {node}')
-        flat = _flattened(parameters)
-        merged.update({name: flat[name] for name in flat if not is_ros_parameter(name)})
-    return merged
+    sections = tuple(
+        section for key, body in document.items() for section in _sections(path, str(key), body)
+    )
+    return ParameterFile(path=Path(path), sections=sections)
+
+
+def _sections(path: str | Path, key: str, body: object) -> Iterator[Section]:
+    """Section of a node, or those of the nodes in a namespace."""
+    nested = dict(body) if isinstance(body, dict) else {}
+    parameters = nested.pop(_PARAMETERS, None)
+    if parameters is None and nested and all(isinstance(inner, dict) for inner in nested.values()):
+        for name, inner in nested.items():
+            yield from _sections(path, f'{key}/{name}'.replace('//', '/'), inner)
+        return
+    if not isinstance(parameters, dict) or nested:
+        raise ParameterError('params-file', path, f'has no {_PARAMETERS} under {key}')
+    flat = _flattened(parameters)
+    values = {name: flat[name] for name in flat if not is_ros_parameter(name)}
+    yield Section(key=key, values=values)
 
 
 def _flattened(parameters: Mapping[str, Any]) -> dict[str, Any]:

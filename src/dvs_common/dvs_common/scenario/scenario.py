@@ -10,8 +10,8 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
+from dvs_common.scenario.loop_file import read_loop_values
 from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
-from dvs_common.scenario.parameter_file import read_parameters
 from dvs_common.scenario.parameters import Parameters
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 
@@ -188,18 +188,25 @@ class Scenario(Parameters):
         return PixelScene(brightness_offsets=offsets.ravel(), height=height, width=width)
 
 
-def load_scenario(path: str | Path) -> Scenario:
+def load_scenario(
+    path: str | Path, *, namespace: str | None = None, node: str | None = None
+) -> Scenario:
     """Scenario of a ROS 2 parameter file.
 
     Parameters
     ----------
     path
-        YAML file.
+        YAML file; its keys are ``/**``, names of nodes, or what else rcl matches with a node.
+    namespace
+        Absolute namespace of the loop, empty for the root; None for that of the file's keys.
+    node
+        Node whose values count where those of the nodes differ; otherwise the plant's count
+        before the camera's, and the camera's before the controller's.
 
     Raises
     ------
     ParameterError
-        If the file can't be read, is no parameter file, names an unknown parameter, or a value
-        breaks its rule.
+        If the file can't be read, is no parameter file, has a key that matches no node of the
+        loop, names an unknown parameter, or a value breaks its rule.
     """
-    return Scenario.from_values(read_parameters(path))
+    return Scenario.from_values(read_loop_values(path, namespace).merged(node))

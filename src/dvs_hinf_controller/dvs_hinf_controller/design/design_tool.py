@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dvs_common.errors import ParameterError, SuiteError
+from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_hinf_controller.design.bode_figure import save_bode_figure
 from dvs_hinf_controller.design.design import (
@@ -88,7 +89,7 @@ def _spanning_pitch(scenario: Scenario, height: int, width: int) -> tuple[float,
 
 
 def _run(options: argparse.Namespace) -> None:
-    scenario = load_scenario(options.params_file)
+    scenario = load_scenario(options.params_file, node=CONTROLLER)
     if options.pixels:
         scenario = with_pixels(scenario, options.pixels)
     if options.method:

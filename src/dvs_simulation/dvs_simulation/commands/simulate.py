@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.loop_file import read_loop_values
 from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_common.writing import write_text
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the scenario is not sound, or has a plant of its own.
     """
+    read_loop_values(options.params_file).require_alike()
     scenario = load_scenario(options.params_file)
     changes = {
         name: value
