@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from catkin_pkg.changelog import get_changelog_from_path
+from catkin_pkg.changelog_generator import FORTHCOMING_LABEL
+from catkin_pkg.package import parse_package
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = sorted((ROOT / 'src').glob('dvs_*'), key=lambda path: path.name)
@@ -17,18 +22,20 @@ PACKAGES = sorted((ROOT / 'src').glob('dvs_*'), key=lambda path: path.name)
 KEYS = {
     'PIL': 'python3-pil',
     'aiohttp': 'python3-aiohttp',
+    'control': 'python-control-pip',
     'ament_index_python': 'ament_index_python',
     'hypothesis': 'python3-hypothesis',
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'pytest': 'python3-pytest',
+    'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
     'tqdm': 'python3-tqdm',
     'yaml': 'python3-yaml',
 }
 # Known to PyPI alone: a comment in package.xml says so.
-WITHOUT_KEY = {'control', 'distributed', 'mcap', 'mpmath', 'rosbags'}
+WITHOUT_KEY = {'distributed', 'mcap', 'mpmath'}
 # Used where they are installed; nothing fails without them.
 OPTIONAL = {'cv2', 'event_camera_msgs'}
 PYPI_NAMES = {'PIL': 'Pillow', 'yaml': 'PyYAML'}
@@ -106,18 +113,77 @@ def test_the_requirements_name_what_pypi_provides(tests: bool) -> None:
     assert {PYPI_NAMES.get(n, n).lower() for n in from_pypi} - required(*files) == set()
 
 
-@pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
-def test_name_version_licence_and_build_type_agree(package: Path) -> None:
-    manifest = ElementTree.parse(package / 'package.xml')
-    setup = (package / 'setup.py').read_text()
-    version = manifest.findtext('version')
+def setup_arguments(package: Path) -> dict[str, object]:
+    """What setup.py tells setuptools; its package.xml is read as at a build."""
+    tree = ast.parse((package / 'setup.py').read_text(encoding='utf-8'))
+    call = next(
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup'
+    )
+    return {
+        keyword.arg or '': ast.literal_eval(keyword.value)
+        for keyword in call.keywords
+        if keyword.arg in ('install_requires', 'extras_require', 'entry_points')
+    }
 
-    assert manifest.findtext('name') == package.name
-    assert f"version='{version}'" in setup
-    assert manifest.findtext('license') == 'Apache-2.0'
-    assert "license='Apache-2.0'" in setup
-    assert manifest.findtext('export/build_type') == 'ament_python'
-    assert 'Apache License' in (ROOT / 'LICENSE').read_text()
+
+@pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
+def test_pip_is_told_of_every_import(package: Path) -> None:
+    """Each is required or in an extra; all bounds are those of the requirements files."""
+    arguments = setup_arguments(package)
+    install, extras = arguments['install_requires'], arguments['extras_require']
+    assert isinstance(install, list) and isinstance(extras, dict)
+    named = {*install, *itertools.chain(*extras.values())}
+    names = {re.split(r'[\[<>=]', requirement)[0].lower() for requirement in named}
+
+    needed = imported(package, tests=False) | imported(package, tests=True)
+    from_pypi = {n for n in needed if not NOT_ON_PYPI.fullmatch(n)}
+    assert {PYPI_NAMES.get(n, n).lower() for n in from_pypi} - names == set()
+    ours = {other.name for other in PACKAGES}
+    everywhere = ''.join(file.read_text() for file in ROOT.glob('requirements*.txt')).lower()
+    assert {n for n in named - ours if f'{n.lower()}\n' not in everywhere} == set()
+
+
+@pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
+def test_a_manifest_is_valid_and_gives_setup_py_its_fields(package: Path) -> None:
+    manifest = parse_package(package / 'package.xml', warnings=(warnings := []))
+    setup = (package / 'setup.py').read_text()
+
+    assert warnings == []
+    assert manifest.name == package.name
+    assert manifest.licenses[0] == 'Apache-2.0'
+    assert manifest.licenses[0].file == 'LICENSE'
+    assert manifest.get_build_type() == 'ament_python'
+    assert (package / 'LICENSE').read_text() == (ROOT / 'LICENSE').read_text()
     assert (package / 'resource' / package.name).exists()
-    described = manifest.findtext('description') or ''
-    assert f"description='{described}'" in setup
+    for field in ('version', 'description', 'license', 'maintainer'):
+        assert f"{field}=manifest.findtext('{field}')" in setup
+
+
+def test_the_version_is_that_of_the_file_version() -> None:
+    check = [sys.executable, ROOT / 'scripts' / 'version.py', '--check']
+
+    assert subprocess.run(check).returncode == 0
+    heading = re.search(r'(?m)^(\d+\.\d+\.\d+) \(', (ROOT / 'CHANGELOG.rst').read_text())
+    assert heading is not None
+    assert heading[1] == (ROOT / 'VERSION').read_text().strip()
+
+
+def test_all_packages_have_one_maintainer() -> None:
+    found = [parse_package(package / 'package.xml').maintainers for package in PACKAGES]
+    people = {(person.name, person.email) for maintainers in found for person in maintainers}
+
+    assert len(people) == 1
+
+
+@pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
+def test_a_changelog_is_one_that_catkin_tools_read(package: Path) -> None:
+    text = (package / 'CHANGELOG.rst').read_text()
+    title = f'Changelog for package {package.name}'
+    head = f'{"^" * len(title)}\n{title}\n{"^" * len(title)}\n\n'
+
+    assert text.startswith(head)
+    released = rf'{re.escape((ROOT / "VERSION").read_text().strip())} \([\d-]+\)'
+    assert re.match(rf'({FORTHCOMING_LABEL}|{released})\n-+\n\* \w', text[len(head) :])
+    assert get_changelog_from_path(str(package), package.name) is not None

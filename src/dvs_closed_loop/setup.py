@@ -1,14 +1,16 @@
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_closed_loop'
+manifest = ElementTree.parse('package.xml')
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed', 'dashboard/web/*']},
+    package_data={package_name: ['py.typed', '*.pyi', 'dashboard/web/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -16,12 +18,27 @@ setup(
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
         (f'share/{package_name}/config', glob('config/*.yaml')),
     ],
-    install_requires=['setuptools'],
+    install_requires=[
+        'aiohttp>=3.9',
+        'dvs_common',
+        'dvs_event_camera',
+        'dvs_hinf_controller',
+        'dvs_plant_sim',
+        'dvs_simulation',
+        'matplotlib>=3.6',
+        'numpy>=1.26',
+        'rosbags>=0.11',
+        'tqdm>=4.64',
+    ],
+    extras_require={
+        'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
+        'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3', 'mcap>=1.1'],
+    },
     zip_safe=False,
-    maintainer='DVS regulation developers',
-    maintainer_email='maintainers@example.org',
-    description='The whole loop: runner, recorder, reports and dashboard.',
-    license='Apache-2.0',
+    maintainer=manifest.findtext('maintainer'),
+    maintainer_email=manifest.find('maintainer').get('email'),
+    description=manifest.findtext('description'),
+    license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
             'dvs_closed_loop = dvs_closed_loop.cli:main',

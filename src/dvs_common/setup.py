@@ -1,22 +1,29 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 package_name = 'dvs_common'
+manifest = ElementTree.parse('package.xml')
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', '*.pyi']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
     ],
-    install_requires=['setuptools'],
+    install_requires=['numpy>=1.26', 'PyYAML>=6.0'],
+    extras_require={
+        'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
+        'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3'],
+    },
     zip_safe=False,
-    maintainer='DVS regulation developers',
-    maintainer_email='maintainers@example.org',
-    description='Wire contract of the suite: model, parameters, codecs, QoS and the base of every node.',
-    license='Apache-2.0',
+    maintainer=manifest.findtext('maintainer'),
+    maintainer_email=manifest.find('maintainer').get('email'),
+    description=manifest.findtext('description'),
+    license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [],
     },

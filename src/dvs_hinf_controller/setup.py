@@ -1,25 +1,39 @@
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_hinf_controller'
+manifest = ElementTree.parse('package.xml')
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', '*.pyi']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
-    install_requires=['setuptools'],
+    install_requires=['dvs_common', 'numpy>=1.26', 'scipy>=1.11'],
+    extras_require={
+        'control': ['control>=0.10'],
+        'plot': ['matplotlib>=3.6'],
+        'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
+        'test': [
+            'hypothesis>=6.100',
+            'pytest>=8',
+            'pytest-timeout>=2.3',
+            'mpmath>=1.3',
+            'slycot>=0.6',
+        ],
+    },
     zip_safe=False,
-    maintainer='DVS regulation developers',
-    maintainer_email='maintainers@example.org',
-    description='Zero-order-hold estimator and H-infinity / mu / peak-to-peak controller on polarity events.',
-    license='Apache-2.0',
+    maintainer=manifest.findtext('maintainer'),
+    maintainer_email=manifest.find('maintainer').get('email'),
+    description=manifest.findtext('description'),
+    license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
             'design_controller = dvs_hinf_controller.design.design_tool:main',

@@ -1,22 +1,39 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 package_name = 'dvs_simulation'
+manifest = ElementTree.parse('package.xml')
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', '*.pyi']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
     ],
-    install_requires=['setuptools'],
+    install_requires=[
+        'dvs_common',
+        'dvs_event_camera',
+        'dvs_hinf_controller',
+        'dvs_plant_sim',
+        'numpy>=1.26',
+        'scipy>=1.11',
+        'tqdm>=4.64',
+    ],
+    extras_require={
+        'numba': ['numba>=0.59'],
+        'plot': ['matplotlib>=3.6', 'Pillow>=9.5'],
+        'sweep': ['distributed>=2024.1', 'matplotlib>=3.6'],
+        'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3', 'mpmath>=1.3'],
+    },
     zip_safe=False,
-    maintainer='DVS regulation developers',
-    maintainer_email='maintainers@example.org',
-    description='Simulation without ROS: exact hybrid automaton, sampled loop, judging, sweeps, the paper.',
-    license='Apache-2.0',
+    maintainer=manifest.findtext('maintainer'),
+    maintainer_email=manifest.find('maintainer').get('email'),
+    description=manifest.findtext('description'),
+    license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
             'dvs_simulation = dvs_simulation.cli:main',
