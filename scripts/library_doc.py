@@ -38,11 +38,9 @@ the cores, which need NumPy, SciPy, PyYAML and tqdm, and neither ROS nor colcon.
 optional, `numba` (compiled kernels), `plot` (figures), `sweep` (studies on Dask) and, on x86_64,
 `ros` (the nodes):
 
-<!-- not run: test/test_library.py installs them into a folder of its own -->
-```bash
-cd src
-pip install ./dvs_common ./dvs_plant_sim ./dvs_event_camera ./dvs_hinf_controller \\
-    './dvs_simulation[numba,plot]'
+```console
+$ pip install src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller
+$ pip install 'src/dvs_simulation[numba,plot]'
 ```
 
 Two notebooks use it: [an event camera](../examples/event_camera.ipynb), and
@@ -153,6 +151,8 @@ def described(package: str, name: str) -> str:
         Name of a class or function.
     """
     thing = getattr(import_module(package), name)
+    if thing.__name__ != name:
+        return f'### `{name}`\n\nThe same as `{thing.__name__}`.\n'
     text, sections = paragraphs(inspect.getdoc(thing) or '')
     parts = [f'### `{name}`\n', f'```text\n{signature(name, thing)}\n```\n', f'{markdown(text)}\n']
     for title in ('Parameters', 'Returns', 'Raises'):

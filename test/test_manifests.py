@@ -185,5 +185,5 @@ def test_a_changelog_is_one_that_catkin_tools_read(package: Path) -> None:
 
     assert text.startswith(head)
     released = rf'{re.escape((ROOT / "VERSION").read_text().strip())} \([\d-]+\)'
-    assert re.match(rf'({FORTHCOMING_LABEL}|{released})\n-+\n\* \w', text[len(head) :])
+    assert re.match(rf'({FORTHCOMING_LABEL}|{released})\n-+\n\* \S', text[len(head) :])
     assert get_changelog_from_path(str(package), package.name) is not None

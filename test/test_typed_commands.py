@@ -143,6 +143,11 @@ def is_launched(reader, command):
     assert launch_plan(arguments).plant.executable == 'plant_sim'
 
 
+def names_packages(reader, command):
+    for word in shlex.split(command)[2:]:
+        assert (ROOT / word.partition('[')[0] / 'setup.py').is_file()
+
+
 def nothing(reader, command):
     pass
 
@@ -214,6 +219,7 @@ TYPED = (
     Rule(TOOLS + '(play|report) .*', runs()),
     Rule(r'scripts/bench\.sh( .*)?', benchmark_is_understood, 'takes minutes, installs packages'),
     Rule(r'scripts/(demo|test)\.sh', explains_itself, 'sets up, and this is one of the tests'),
+    Rule('pip install .*', names_packages, 'test_library.py installs them elsewhere'),
     Rule(r'ros2 run dvs_\w+ .*', goes_with_our_runner, 'ros2 comes with ROS from apt only'),
     Rule('ros2 launch .*', is_launched, 'ros2 comes with ROS from apt only'),
 )

@@ -1,7 +1,13 @@
-from dvs_common.errors import ParameterError
-from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
-from dvs_common.scenario.reference_bounds import ReferenceBounds
-from dvs_common.scenario.scenario import Scenario, load_scenario
-from dvs_common.wire.events import EventPacket, make_events, pack_events, parse_events
-from dvs_common.wire.index_watch import IndexWatch
-from dvs_common.wire.keyframe import Keyframe
+from dvs_common.errors import ParameterError as ParameterError
+from dvs_common.scenario.model import Equilibrium as Equilibrium
+from dvs_common.scenario.model import PixelScene as PixelScene
+from dvs_common.scenario.model import PlantModel as PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds as ReferenceBounds
+from dvs_common.scenario.scenario import Scenario as Scenario
+from dvs_common.scenario.scenario import load_scenario as load_scenario
+from dvs_common.wire.events import EventPacket as EventPacket
+from dvs_common.wire.events import make_events as make_events
+from dvs_common.wire.events import pack_events as pack_events
+from dvs_common.wire.events import parse_events as parse_events
+from dvs_common.wire.index_watch import IndexWatch as IndexWatch
+from dvs_common.wire.keyframe import Keyframe as Keyframe

@@ -12,8 +12,8 @@ from typing import Any
 def lazy_exports(package: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
     """Return `__getattr__` and `__all__` of a package from its stub, ``__init__.pyi``.
 
-    The stub is what type checkers read: one ``from module import Name`` a line. So a name is
-    written once.
+    The stub is what type checkers read: one ``from module import Name as Name`` a line, or
+    ``Other = Name``. So a name is written once.
 
     Parameters
     ----------
@@ -29,6 +29,9 @@ def lazy_exports(package: str, file: str) -> tuple[Callable[[str], Any], list[st
         if isinstance(node, ast.ImportFrom) and node.module
         for alias in node.names
     }
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            origins[ast.unparse(node.targets[0])] = origins[ast.unparse(node.value)]
 
     def getattr_(name: str) -> Any:
         if name not in origins:

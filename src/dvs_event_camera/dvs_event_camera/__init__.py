@@ -19,7 +19,7 @@ A real sensor also fires in constant light:
 >>> pixels = PixelArray(event_threshold=0.15, imperfections=noisy, label_noise=True, seed=1)
 >>> len(pixels.update(0, np.full(100, 100.0)))
 0
->>> events = pixels.update(1_000_000_000, np.full(100, 100.0))
+>>> events = pixels.update(10**9, np.full(100, 100.0))
 >>> bool(len(events) > 100), bool(events.noise.all())
 (True, True)
 """

@@ -1,11 +1,12 @@
-from dvs_event_camera.event_camera import EventCamera, Exposure
-from dvs_event_camera.pixels.imperfections import Imperfections
-from dvs_event_camera.pixels.photoreceptor import (
-    LinLogPhotoreceptor,
-    LogPhotoreceptor,
-    Photoreceptor,
-    SignedLogPhotoreceptor,
-)
-from dvs_event_camera.pixels.pixel_array import PixelArray
-from dvs_event_camera.pixels.pixel_events import PixelEvents as Events
-from dvs_event_camera.streams.image_source import LuminosityFrame
+from dvs_event_camera.event_camera import EventCamera as EventCamera
+from dvs_event_camera.event_camera import Exposure as Exposure
+from dvs_event_camera.pixels.imperfections import Imperfections as Imperfections
+from dvs_event_camera.pixels.photoreceptor import LinLogPhotoreceptor as LinLogPhotoreceptor
+from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor as LogPhotoreceptor
+from dvs_event_camera.pixels.photoreceptor import Photoreceptor as Photoreceptor
+from dvs_event_camera.pixels.photoreceptor import SignedLogPhotoreceptor as SignedLogPhotoreceptor
+from dvs_event_camera.pixels.pixel_array import PixelArray as PixelArray
+from dvs_event_camera.pixels.pixel_events import PixelEvents as PixelEvents
+from dvs_event_camera.streams.image_source import LuminosityFrame as LuminosityFrame
+
+Events = PixelEvents

@@ -1,19 +1,21 @@
-from dvs_hinf_controller.analysis.hinf_norm import HinfNorm, hinf_norm
-from dvs_hinf_controller.analysis.mu import MuBounds, mu_bounds
-from dvs_hinf_controller.analysis.peak_gain import PeakGains, peak_gains
-from dvs_hinf_controller.analysis.sampling import max_sampling_period
-from dvs_hinf_controller.analysis.sector import Sector
-from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.design.design import (
-    Design,
-    DesignFigures,
-    design_controller,
-    design_from_scenario,
-    load_design,
-    save_design,
-)
-from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.running.event_controller import EventController
-from dvs_hinf_controller.state_space import StateSpace, state_response
-from dvs_hinf_controller.synthesis.methods import SynthesisMethod
-from dvs_hinf_controller.synthesis.options import DesignOptions
+from dvs_hinf_controller.analysis.hinf_norm import HinfNorm as HinfNorm
+from dvs_hinf_controller.analysis.hinf_norm import hinf_norm as hinf_norm
+from dvs_hinf_controller.analysis.mu import MuBounds as MuBounds
+from dvs_hinf_controller.analysis.mu import mu_bounds as mu_bounds
+from dvs_hinf_controller.analysis.peak_gain import PeakGains as PeakGains
+from dvs_hinf_controller.analysis.peak_gain import peak_gains as peak_gains
+from dvs_hinf_controller.analysis.sampling import max_sampling_period as max_sampling_period
+from dvs_hinf_controller.analysis.sector import Sector as Sector
+from dvs_hinf_controller.controller import LinearController as LinearController
+from dvs_hinf_controller.design.design import Design as Design
+from dvs_hinf_controller.design.design import DesignFigures as DesignFigures
+from dvs_hinf_controller.design.design import design_controller as design_controller
+from dvs_hinf_controller.design.design import design_from_scenario as design_from_scenario
+from dvs_hinf_controller.design.design import load_design as load_design
+from dvs_hinf_controller.design.design import save_design as save_design
+from dvs_hinf_controller.problem import DesignProblem as DesignProblem
+from dvs_hinf_controller.running.event_controller import EventController as EventController
+from dvs_hinf_controller.state_space import StateSpace as StateSpace
+from dvs_hinf_controller.state_space import state_response as state_response
+from dvs_hinf_controller.synthesis.methods import SynthesisMethod as SynthesisMethod
+from dvs_hinf_controller.synthesis.options import DesignOptions as DesignOptions

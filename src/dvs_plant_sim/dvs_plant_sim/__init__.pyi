@@ -1,4 +1,5 @@
-from dvs_plant_sim.disturbance import DisturbedPlant
-from dvs_plant_sim.dynamics import Dynamics
-from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
-from dvs_plant_sim.plant import Plant
+from dvs_plant_sim.disturbance import DisturbedPlant as DisturbedPlant
+from dvs_plant_sim.dynamics import Dynamics as Dynamics
+from dvs_plant_sim.pendulum import Pendulum as Pendulum
+from dvs_plant_sim.pendulum import PendulumConstants as PendulumConstants
+from dvs_plant_sim.plant import Plant as Plant

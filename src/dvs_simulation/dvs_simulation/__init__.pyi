@@ -1,7 +1,11 @@
-from dvs_simulation.exact.automaton import simulate
-from dvs_simulation.exact.loop import ClosedLoop
-from dvs_simulation.exact.signals import estimates_at, luminosities
-from dvs_simulation.exact.trajectory import Outcome, Trajectory
-from dvs_simulation.judging.trace import Trace
-from dvs_simulation.judging.verdict import Verdict, judge
-from dvs_simulation.sampled.sampled_loop import SampledRun, run_sampled
+from dvs_simulation.exact.automaton import simulate as simulate
+from dvs_simulation.exact.loop import ClosedLoop as ClosedLoop
+from dvs_simulation.exact.signals import estimates_at as estimates_at
+from dvs_simulation.exact.signals import luminosities as luminosities
+from dvs_simulation.exact.trajectory import Outcome as Outcome
+from dvs_simulation.exact.trajectory import Trajectory as Trajectory
+from dvs_simulation.judging.trace import Trace as Trace
+from dvs_simulation.judging.verdict import Verdict as Verdict
+from dvs_simulation.judging.verdict import judge as judge
+from dvs_simulation.sampled.sampled_loop import SampledRun as SampledRun
+from dvs_simulation.sampled.sampled_loop import run_sampled as run_sampled
