@@ -13,8 +13,6 @@ from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.stamped_runs import stamped_stream
 from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
-from dvs_common.wire.events import parse_events
-from dvs_common.wire.index_watch import IndexWatch
 from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamped import stamp_of
 
@@ -95,16 +93,18 @@ def test_the_last_of_two_runs_is_examined(tmp_path):
     assert run.index.lost == 0
 
 
-def test_a_gap_in_the_running_index_is_a_loss():
-    watch = IndexWatch()
-
-    lost = [
-        watch.take(parse_events(packet(k * PERIOD_NS, count, index)))
-        for k, (count, index) in enumerate([(3, 2**32 - 2), (2, 1), (0, 0), (4, 8), (1, 12)])
+def test_an_index_that_goes_back_within_a_run_is_named_as_a_restart(tmp_path):
+    recorded = [
+        (topic, received, data)
+        if topic != topics.EVENTS or k < 200
+        else (topic, received, packet(k // 5 * PERIOD_NS, k // 5 % 2, k // 5 // 2 - 20))
+        for k, (topic, received, data) in enumerate(small_run())
     ]
+    run = recorded_run(tmp_path / 'bag', recorded)
 
-    assert lost == [0, 0, 0, 5, 0]
-    assert (watch.lost, watch.gaps, watch.events, watch.restarts) == (5, 1, 10, 0)
+    assert (run.runs, run.index.restarts) == (1, 1)
+    assert run.index.lost == 0
+    assert any('camera started again (1)' in line for line in run.troubles)
 
 
 def swapped(recorded, topic, first, second):

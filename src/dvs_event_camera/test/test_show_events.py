@@ -145,6 +145,22 @@ def test_statistics_count_losses_and_disorder():
     assert ', 1 restarts, ' in str(again)
 
 
+def test_an_index_that_goes_back_is_a_restart_and_a_packet_twice_counts_once():
+    def packet(stamp_ns, index):
+        events = np.zeros(1, EVENT_DTYPE)
+        events['index'] = index
+        return EventPacket(stamp_ns=stamp_ns, events=events)
+
+    statistics = StreamStatistics()
+    for stamp_ns, index in ((0, 10), (MS, 4), (MS, 4), (2 * MS, 5)):
+        statistics.add(packet(stamp_ns, index))
+    report = statistics.report()
+
+    assert (report.lost_events, report.restarts, report.repeated) == (0, 1, 1)
+    assert (report.messages, report.events) == (4, 3)
+    assert ', 1 restarts, 1 packets twice, ' in str(report)
+
+
 def test_an_event_from_before_the_last_packet_is_out_of_order():
     events = np.zeros(2, EVENT_DTYPE)
     events['index'] = [0, 1]

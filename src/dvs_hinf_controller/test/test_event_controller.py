@@ -283,6 +283,21 @@ def test_a_gap_in_the_index_is_a_loss(before, first, lost):
     assert found.take(packet(3 * MS, [(0, 0, 1, 1)], first_index=first)).lost_events == lost
 
 
+def test_a_packet_received_twice_changes_nothing():
+    found = running()
+    found.take(packet(0))
+    once = packet(MS, [(0, 0, 1, 1)])
+    found.take(once)
+    counts, estimate, command = found.counts, found.estimate.copy(), found.command.copy()
+
+    assert found.take(once).lost_events == 0
+    np.testing.assert_array_equal(found.counts, counts)
+    np.testing.assert_array_equal(found.estimate, estimate)
+    np.testing.assert_array_equal(found.command, command)
+    assert found.take(packet(2 * MS, [(0, 0, 1, 1)], first_index=1)).lost_events == 0
+    assert found.synchrony is not Synchrony.RESTARTED
+
+
 BAD = {
     'x outside': ('x', WIDTH, 'outside of the 3 x 2 pixels'),
     'y outside': ('y', HEIGHT, 'outside of the 3 x 2 pixels'),

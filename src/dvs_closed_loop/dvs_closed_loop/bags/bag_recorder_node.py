@@ -16,7 +16,7 @@ from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
-from dvs_common.wire.index_watch import IndexWatch
+from dvs_common.wire.index_watch import IndexWatch, Order
 from dvs_common.wire.topics import fitting_qos
 
 # rclpy's executor raises on an event of a subscription that is gone, and `adapt` takes
@@ -116,9 +116,13 @@ class BagRecorder:
                 f'recorded as it is, but no event packet: {error}', throttle_duration_sec=5.0
             )
             return
-        lost = self.index.take(packet)
-        if lost:
+        step = self.index.take(packet)
+        if step.order is Order.IN_ORDER:
+            return
+        before = f'before {as_seconds(packet.stamp_ns):.6f} s'
+        if step.order is Order.LOST:
             self._node.get_logger().error(
-                f'{lost} events are missing before {as_seconds(packet.stamp_ns):.6f} s '
-                f'({self.index.lost} in all)'
+                f'{step.lost} events are missing {before} ({self.index.lost} in all)'
             )
+        else:
+            self._node.get_logger().warning(f'{step.order.value}, {before}')

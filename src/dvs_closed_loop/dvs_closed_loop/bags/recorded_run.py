@@ -121,6 +121,11 @@ class RecordedRun:
             lines.append(f'the bag holds {self.runs} runs; this is the last one')
         if self.index.lost:
             lines.append(f'{self.index.lost} events are missing in {self.index.gaps} gaps')
+        restarts = self.index.restarts - (self.runs - 1)
+        if restarts > 0:
+            lines.append(
+                f'the index of the events went back: the camera started again ({restarts})'
+            )
         return lines
 
 

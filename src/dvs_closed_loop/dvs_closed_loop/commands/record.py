@@ -110,6 +110,8 @@ def _summary(recorder: BagRecorder, path: Path) -> str:
     counts = ', '.join(f'{topic} {count}' for topic, count in recorder.counts.items() if count)
     index = recorder.index
     losses = f'{index.lost} EVENTS LOST in {index.gaps} gaps' if index.lost else 'no event lost'
+    if index.restarts:
+        losses += f'; the camera started again ({index.restarts} times)'
     if index.first_index:
         losses += f'; the recording began at event {index.first_index}'
     return f'{path}/: {counts or "nothing heard"}\n  {index.events} events, {losses}'

@@ -270,6 +270,7 @@ class LiveView:
             'total_events': self._index.events,
             'on_events': self._index.on_events,
             'lost_events': self._index.lost,
+            'camera_restarts': self._index.restarts,
         }
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.wire.events import INDEX_MODULUS, EventPacket
+from dvs_common.wire.events import EventPacket
+from dvs_common.wire.index_watch import IndexWatch, Order
 
 # Events a second that are better read one by one than by the million.
 _FEW = 1e4
@@ -23,7 +24,7 @@ class StreamReport:
     messages
         Packets received.
     events
-        Events received.
+        Events received, those of a repeated packet once.
     on_events
         Those with polarity +1.
     lost_events
@@ -31,7 +32,10 @@ class StreamReport:
     unordered_events
         Events earlier than the one before them.
     restarts
-        Packets with a stamp before the last one: the camera, or its clock, began anew.
+        Packets with a stamp or an index before the last one: the camera, or its clock, started
+        again.
+    repeated
+        Packets received twice.
     seconds
         Time that the packets cover, s.
     delay_s
@@ -46,6 +50,7 @@ class StreamReport:
     lost_events: int
     unordered_events: int
     restarts: int
+    repeated: int
     seconds: float
     delay_s: float
     jitter_s: float
@@ -56,6 +61,7 @@ class StreamReport:
             return 'no packet heard'
         share = f'{100 * self.on_events / self.events:.1f}' if self.events else '-'
         restarts = f', {self.restarts} restarts' if self.restarts else ''
+        restarts += f', {self.repeated} packets twice' if self.repeated else ''
         delay = (
             'delay unknown (stamps are of another clock)'
             if math.isnan(self.delay_s)
@@ -82,14 +88,14 @@ class StreamStatistics:
     _SAME_CLOCK_S = 3600.0
 
     def __init__(self) -> None:
-        self._next_index: int | None = None
+        self._index = IndexWatch()
         self._last_ns: int | None = None
         self.reset()
 
     def reset(self) -> None:
         """Begin a new stretch; order and index go on."""
         self._messages = self._events = self._on = self._lost = self._unordered = 0
-        self._restarts = self._covered_ns = 0
+        self._restarts = self._repeated = self._covered_ns = 0
         self._delays: list[float] = []
         self._receptions: list[float] = []
 
@@ -105,12 +111,15 @@ class StreamStatistics:
         """
         self._messages += 1
         if self._last_ns is not None and packet.stamp_ns < self._last_ns:
-            self._restarts += 1
-            self._next_index = self._last_ns = None
+            self._last_ns = None
+        step = self._index.take(packet)
+        self._lost += step.lost
+        self._restarts += step.order is Order.GONE_BACK
+        self._repeated += step.order is Order.REPEATED
         if received_s is not None:
             self._receptions.append(received_s)
             self._delays.append(received_s - as_seconds(packet.stamp_ns))
-        if len(packet.events):
+        if len(packet.events) and step.order is not Order.REPEATED:
             self._count(packet)
         begin_ns = self._first_ns(packet) if self._last_ns is None else self._last_ns
         self._covered_ns += packet.stamp_ns - begin_ns
@@ -127,11 +136,6 @@ class StreamStatistics:
         self._unordered += int(np.count_nonzero(np.diff(times) < 0))
         if self._last_ns is not None and packet.stamp_ns + int(times[0]) < self._last_ns:
             self._unordered += 1
-        index = events['index'].astype(np.int64)
-        expected = int(index[0]) if self._next_index is None else self._next_index
-        steps = np.diff(index, prepend=expected - 1) - 1
-        self._lost += int(np.sum(steps % INDEX_MODULUS))
-        self._next_index = (int(index[-1]) + 1) % INDEX_MODULUS
 
     def report(self) -> StreamReport:
         """Statistics since the last reset."""
@@ -144,6 +148,7 @@ class StreamStatistics:
             lost_events=self._lost,
             unordered_events=self._unordered,
             restarts=self._restarts,
+            repeated=self._repeated,
             seconds=as_seconds(self._covered_ns),
             delay_s=delay if abs(delay) < self._SAME_CLOCK_S else math.nan,
             jitter_s=float(np.std(intervals)) if intervals.size > 1 else math.nan,

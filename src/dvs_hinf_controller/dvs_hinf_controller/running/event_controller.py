@@ -12,6 +12,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EventPacket
+from dvs_common.wire.index_watch import Order
 from dvs_common.wire.keyframe import Keyframe
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
@@ -274,7 +275,9 @@ class EventController:
         events = packet.events
         pixels = events['y'].astype(np.intp) * self._problem.scene.width + events['x']
         polarities, signs = events['polarity'], events['sign']
-        lost = self._synchroniser.note(packet.stamp_ns, events['index'], pixels, polarities, signs)
+        step = self._synchroniser.note(packet.stamp_ns, events['index'], pixels, polarities, signs)
+        if step.order is Order.REPEATED:
+            return self._keep_still(packet.stamp_ns)
         try:
             jumps = self._estimator.apply(pixels, polarities, signs)
         except MessageError:
@@ -284,7 +287,7 @@ class EventController:
         responses = self._response.response(as_seconds(ages_ns))
         self._state = self._held(self._duration_ns) + jumps @ responses
         self._deviation = self._mean_deviation()
-        return lost
+        return step.lost
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
         """Verify the counts by a keyframe, or put them right; one of the future waits its turn.

@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.wire.events import INDEX_MODULUS
+from dvs_common.wire.index_watch import IndexStep, IndexWatch, Order
 from dvs_common.wire.keyframe import Keyframe
 
 # Packets that are kept while a keyframe is awaited; an older keyframe than these is of no use.
@@ -49,7 +49,7 @@ class Synchroniser:
 
     def __init__(self) -> None:
         self.state = Synchrony.UNVERIFIED
-        self._next_index: int | None = 0
+        self._index = IndexWatch(expected=0)
         self._recent: deque[_Counted] = deque(maxlen=_MEMORY)
         self._pending: Keyframe | None = None
 
@@ -60,8 +60,8 @@ class Synchroniser:
         pixels: NDArray[np.intp],
         polarities: NDArray[np.int8],
         signs: NDArray[np.int8],
-    ) -> int:
-        """Remember a packet of events; return how many are missing before it.
+    ) -> IndexStep:
+        """Remember a packet of events; return how its running numbers follow the last ones.
 
         Parameters
         ----------
@@ -76,20 +76,16 @@ class Synchroniser:
         signs
             Signs of the references, shape (E,).
         """
-        lost = 0
-        if self._next_index is not None:
-            lost = (int(indices[0]) - self._next_index) % INDEX_MODULUS
-        self._next_index = (int(indices[-1]) + 1) % INDEX_MODULUS
-        if lost > INDEX_MODULUS // 2:
-            # Nobody loses so many: the number has gone back.
+        step = self._index.follow(stamp_ns, indices)
+        if step.order is Order.GONE_BACK:
             self.distrust()
-            return 0
-        if lost and self.state is not Synchrony.RESTARTED:
+            return step
+        if step.order is Order.LOST and self.state is not Synchrony.RESTARTED:
             self.state = Synchrony.LOST
             self._recent.clear()
-        if self.state not in _AT_REST:
+        if step.order is not Order.REPEATED and self.state not in _AT_REST:
             self._recent.append(_Counted(stamp_ns, pixels, polarities, signs))
-        return lost
+        return step
 
     def note_silence(self, stamp_ns: int) -> None:
         """Remember a packet without events.
@@ -104,7 +100,7 @@ class Synchroniser:
 
     def accept_any_index(self) -> None:
         """Take the next index as it comes: a sensor that starts again may go on counting."""
-        self._next_index = None
+        self._index = IndexWatch()
 
     def start_epoch(self) -> None:
         """Forget packets and keyframes: the sensor counts from zero again, and shall verify it."""

@@ -386,7 +386,9 @@ function showFigures() {
   put('value-share', `${Math.round(newest.events_per_second)} a second, `
     + `${share === null ? '–' : share.toFixed(0)} % ON`);
   put('value-lost', String(newest.lost_events));
-  judge('tile-lost', newest.lost_events === 0);
+  put('note-lost', newest.camera_restarts
+    ? `the camera started again (${newest.camera_restarts})` : 'by the running index');
+  judge('tile-lost', newest.lost_events === 0 && newest.camera_restarts === 0);
   put('value-cycles', newest.cycles_per_second.toFixed(0));
   put('value-speed', newest.real_time_factor.toFixed(2));
   put('thinned', newest.events_a_mark > 1 ? `one mark for ${newest.events_a_mark} events` : '');
