@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
@@ -117,6 +118,26 @@ class GeneralizedPlant:
             c=np.hstack([self.c1 + d12d @ self.c2, self.d12 @ controller.c]),
             d=d12d @ self.d21,
         )
+
+
+def balanced(system: StateSpace) -> StateSpace:
+    """The same system with states scaled by powers of two, so that no entry towers over others.
+
+    Parameters
+    ----------
+    system
+        Any state-space system.
+    """
+    if not system.order:
+        return system
+    _, (scale, _) = scipy.linalg.matrix_balance(system.a, permute=False, separate=True)
+    b, c = system.b / scale[:, None], system.c * scale
+    level = 2.0 ** np.round(
+        np.log2((float(np.linalg.norm(c)) + 1e-150) / (float(np.linalg.norm(b)) + 1e-150)) / 2
+    )
+    return StateSpace(
+        a=system.a / scale[:, None] * scale, b=b * level, c=c / level, d=system.d.copy()
+    )
 
 
 def state_response(model: PlantModel, controller: LinearController) -> StateSpace:

@@ -5,7 +5,8 @@ import pytest
 import scipy.linalg
 
 from dvs_common.scenario.model import PlantModel
-from dvs_hinf_controller.analysis.peak_gain import peak_gains, sample_kernel, steepest_direction
+from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
+from dvs_hinf_controller.analysis.peak_gain import impulse_response, peak_gains
 from dvs_hinf_controller.analysis.thresholds import certified_uncertainty
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.design.design import Design, design_controller, measure
@@ -53,14 +54,13 @@ def run_worst_case(
     Returns the largest ``||x||`` of the second half of the run, from x = 0, and at the end.
     """
     g = state_response(problem.model, controller)
-    kernel = sample_kernel(g, rtol=1e-2)
+    kernel = impulse_response(g, problem.model.output_vector, rtol=1e-2)
     assert kernel is not None
-    v = steepest_direction(kernel)
+    values = kernel.values[0, :, :-1]
+    v = steepest_direction(WeightedVectors(values=values, weights=kernel.weights))
     horizon, step = float(kernel.times[-1]), 5e-4
     count = int(2 * horizon / step)
-    weight = np.interp(
-        horizon - np.arange(count) * step % horizon, kernel.times, kernel.values @ v
-    )
+    weight = np.interp(horizon - np.arange(count) * step % horizon, kernel.times, values @ v)
     transition = scipy.linalg.expm(g.a * step)
     gain = np.linalg.solve(g.a, (transition - np.eye(g.order)) @ g.b)[:, 0]
     x = np.zeros(g.order)

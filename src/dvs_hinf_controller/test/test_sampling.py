@@ -51,16 +51,11 @@ def test_sampled_map_is_the_integrated_loop(paper_model: PlantModel) -> None:
     )
 
 
-@pytest.mark.parametrize('margin', [0.0, 0.2])
-def test_static_gain_is_the_closed_form(margin: float) -> None:
+@pytest.mark.parametrize('gain', [1.1, 3.0])
+def test_static_gain_is_the_closed_form(gain: float) -> None:
     # x_{k+1} = (e - k (e - 1)) x with a = 1, e = exp(T): stable while k (e - 1) < e + 1.
-    gain = 3.0 * (1 + margin)
-    period = max_sampling_period(first_order(1.0), static(-3.0), gain_margin=margin)
+    period = max_sampling_period(first_order(1.0), static(-gain))
     assert period == pytest.approx(math.log((gain + 1) / (gain - 1)), rel=2e-3)
-
-
-def test_loop_without_margin_has_no_period() -> None:
-    assert max_sampling_period(first_order(1.0), static(-1.1), gain_margin=0.2) == 0
 
 
 def test_stable_plant_left_alone_needs_no_samples() -> None:
@@ -69,7 +64,7 @@ def test_stable_plant_left_alone_needs_no_samples() -> None:
 
 def test_longer_is_unstable_and_shorter_is_stable(paper_model: PlantModel) -> None:
     controller = synthesize_rolled_off(paper_model, DesignOptions()).controller
-    longest = max_sampling_period(paper_model, controller, gain_margin=0.0)
+    longest = max_sampling_period(paper_model, controller)
 
     def radius(period: float) -> float:
         matrix = sampled_matrix(paper_model, controller, period)

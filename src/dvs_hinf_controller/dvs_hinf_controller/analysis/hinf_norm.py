@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.state_space import ComplexArray, StateSpace
+from dvs_hinf_controller.state_space import ComplexArray, StateSpace, balanced
 
 _AXIS_TOLERANCE = 1e-8
 _MAX_PASSES = 40
+_REFINEMENTS = 4
+_POINTS = 33
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +48,14 @@ def hinf_norm(system: StateSpace, *, rtol: float = 1e-7) -> HinfNorm:
     Returns
     -------
     HinfNorm
-        ``lower <= norm <= upper``, with ``upper <= (1 + rtol) lower`` unless G is zero.
+        ``lower <= norm <= upper``, with ``upper <= (1 + rtol) lower`` unless G is zero. Rounding
+        can hide crossings of a stiff G from the Hamiltonian test, so that the search starts from
+        a refined peak and `upper` is never below a value that was attained.
     """
+    system = balanced(system)
     if system.order and float(np.max(system.poles().real)) >= 0:
         return HinfNorm(lower=math.inf, upper=math.inf, frequency=math.nan)
-    lower, frequency = _best(system, _first_guesses(system))
+    lower, frequency = _refined_peak(system)
     for _ in range(_MAX_PASSES):
         level = max(lower * (1 + rtol), np.finfo(float).tiny ** 0.5)
         crossings = axis_crossings(system, level)
@@ -96,9 +101,23 @@ def axis_crossings(system: StateSpace, level: float) -> FloatArray:
     return np.unique(np.abs(eigenvalues[near].imag))
 
 
-def _first_guesses(system: StateSpace) -> FloatArray:
+def _refined_peak(system: StateSpace) -> tuple[float, float]:
+    """Largest value on a grid through every pole, refined around the best point."""
     poles: ComplexArray = system.poles()
-    return np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
+    sizes = np.abs(poles[np.abs(poles) > 0])
+    near = np.geomspace(0.5, 2, 9)
+    grid = np.unique(np.concatenate([[0.0], np.outer(sizes, near).ravel(), np.abs(poles.imag)]))
+    best, frequency = _best(system, grid)
+    for _ in range(_REFINEMENTS):
+        if not math.isfinite(frequency):
+            break
+        at = int(np.searchsorted(grid, frequency))
+        grid = np.linspace(grid[max(at - 1, 0)], grid[min(at + 1, grid.size - 1)], _POINTS)
+        found, where = _best(system, grid)
+        if found < best:
+            break
+        best, frequency = found, where
+    return best, frequency
 
 
 def _best(system: StateSpace, frequencies: FloatArray) -> tuple[float, float]:

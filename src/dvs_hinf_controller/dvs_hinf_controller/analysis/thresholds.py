@@ -89,7 +89,7 @@ def small_gain_holds(uncertainty: float, hinf_gain_w1: float) -> bool:
     hinf_gain_w1
         ``||Gw1||_inf``, an upper bound.
     """
-    return min(uncertainty, 1.0) * hinf_gain_w1 < 1
+    return bool(min(uncertainty, 1.0) * hinf_gain_w1 < 1)
 
 
 def _ratio(numerator: float, denominator: float) -> float:

@@ -77,7 +77,7 @@ class DesignFigures:
     closed_loop_abscissa
         Largest real part of a closed-loop pole, 1/s.
     max_sampling_period
-        Longest period at which the sampled loop is stable with margin, s.
+        Longest period at which the sampled loop is stable, s.
     seconds
         Time that the synthesis took, s.
     """
@@ -244,14 +244,18 @@ def save_design(design: Design, path: str | Path) -> None:
 
 
 def as_json_object(design: Design) -> dict[str, Any]:
-    """Method and figures as a flat object; null stands for "no limit".
+    """Method and figures as a flat object; null stands for infinity.
+
+    `unlimited` names what is infinite: h_certified is, where any threshold will do.
 
     Parameters
     ----------
     design
         What to describe.
     """
-    return finite_or_null({'method': design.method, **dataclasses.asdict(design.figures)})
+    figures = dataclasses.asdict(design.figures)
+    unlimited = [name for name, value in figures.items() if value == math.inf]
+    return finite_or_null({'method': design.method, **figures, 'unlimited': unlimited})
 
 
 def measure(

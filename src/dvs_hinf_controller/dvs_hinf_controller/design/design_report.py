@@ -54,7 +54,7 @@ def _cells(figures: DesignFigures, event_threshold: float) -> dict[str, str]:
         'controller order': f'{figures.controller_order}',
         'fastest controller pole [rad/s]': f'{figures.fastest_pole:.4g}',
         'slowest closed-loop pole [1/s]': f'{figures.closed_loop_abscissa:.4g}',
-        'longest sampling period [ms]': f'{figures.max_sampling_period * 1e3:.4g}',
+        'longest stable sampling period [ms]': f'{figures.max_sampling_period * 1e3:.4g}',
         'synthesis time [s]': f'{figures.seconds:.3f}',
     }
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from dvs_common.errors import ParameterError, SuiteError
 from dvs_common.scenario.parameters import CONTROLLER
+from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_hinf_controller.design.bode_figure import save_bode_figure
 from dvs_hinf_controller.design.design import (
@@ -24,6 +25,7 @@ from dvs_hinf_controller.design.design_report import report_text
 from dvs_hinf_controller.design.start_up import darkness_warnings
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
+from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
 
 _DEFAULT_EXTENT = 0.01
 
@@ -94,9 +96,8 @@ def _run(options: argparse.Namespace) -> None:
         scenario = with_pixels(scenario, options.pixels)
     if options.method:
         scenario = scenario.replace(method=options.method)
-    methods = method_names() if options.compare else [scenario.controller.method]
-    designs = [design_from_scenario(scenario.replace(method=method)) for method in methods]
-    _print(designs, scenario, as_json=options.json)
+    designs = _compared(scenario) if options.compare else [design_from_scenario(scenario)]
+    _print(designs, scenario, as_json=options.json, as_list=options.compare)
     if options.figure:
         save_bode_figure(designs, options.figure)
         print(f'Bode figure: {options.figure}', file=sys.stderr)
@@ -105,10 +106,24 @@ def _run(options: argparse.Namespace) -> None:
         print(f'design: {options.output}', file=sys.stderr)
 
 
-def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> None:
+def _compared(scenario: Scenario) -> list[Design]:
+    """Design of every method that finds one; the reason of each that does not is printed."""
+    designs, failures = [], []
+    for method in method_names():
+        try:
+            designs.append(design_from_scenario(scenario.replace(method=method)))
+        except SynthesisError as error:
+            failures.append(error)
+            print(f'{method}: {error}', file=sys.stderr)
+    if not designs:
+        raise failures[0]
+    return designs
+
+
+def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool, as_list: bool) -> None:
     if as_json:
         objects = [as_json_object(design) for design in designs]
-        print(json.dumps(objects if len(objects) > 1 else objects[0], indent=1))
+        print(json.dumps(objects if as_list else objects[0], indent=1))
         return
     print(report_text(designs, event_threshold=scenario.sensor.event_threshold))
     problem: DesignProblem = designs[0].problem
@@ -120,8 +135,10 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool) -> N
     for design in designs:
         if scenario.loop.sampling_period > design.figures.max_sampling_period:
             print(
-                f'warning: {design.method}: sampling_period = {scenario.loop.sampling_period:g} s '
-                f'exceeds {design.figures.max_sampling_period:.3g} s; see bandwidth_limit',
+                f'warning: {design.method}: at sampling_period = '
+                f'{scenario.loop.sampling_period:g} s the loop is unstable, stable up to '
+                f'{design.figures.max_sampling_period:.3g} s; '
+                'limit bandwidth_limit',
                 file=sys.stderr,
             )
 

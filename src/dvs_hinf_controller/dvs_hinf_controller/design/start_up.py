@@ -55,7 +55,7 @@ def start_up_report(
         ('small gain, delta* ||Gw1||_inf < 1', 'yes' if figures.small_gain_ok else 'NO'),
         ('h_certified (guaranteed)', f'{figures.h_certified:.6g}'),
         ('controller order', f'{figures.controller_order}'),
-        ('longest sampling period', f'{figures.max_sampling_period * 1e3:.3g} ms'),
+        ('longest stable sampling period', f'{figures.max_sampling_period * 1e3:.3g} ms'),
     )
     width = max(len(name) for name, _ in rows)
     lines = [f'{design.method} controller, designed in {figures.seconds:.2f} s']
@@ -74,7 +74,7 @@ def start_up_report(
     if sampling_period > figures.max_sampling_period:
         warnings.append(
             f'sampling_period = {sampling_period:g} s exceeds {figures.max_sampling_period:.3g} '
-            's, the longest at which the sampled loop is stable with margin; see bandwidth_limit'
+            's, the longest at which the sampled loop is stable; see bandwidth_limit'
         )
     return StartUpReport(text='\n'.join(lines), warnings=tuple(warnings))
 

@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
+from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, balanced
 from dvs_hinf_controller.synthesis.riccati import is_semidefinite, stabilizing_solution
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
@@ -198,26 +197,6 @@ def unreachable_mode(a: FloatArray, b: FloatArray) -> complex | None:
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK_TOLERANCE:
             return complex(mode)
     return None
-
-
-def balanced(system: StateSpace) -> StateSpace:
-    """The same system with states scaled by powers of two, so that no entry towers over others.
-
-    Parameters
-    ----------
-    system
-        Any state-space system.
-    """
-    if not system.order:
-        return system
-    _, (scale, _) = scipy.linalg.matrix_balance(system.a, permute=False, separate=True)
-    b, c = system.b / scale[:, None], system.c * scale
-    level = 2.0 ** np.round(
-        np.log2((float(np.linalg.norm(c)) + 1e-150) / (float(np.linalg.norm(b)) + 1e-150)) / 2
-    )
-    return StateSpace(
-        a=system.a / scale[:, None] * scale, b=b * level, c=c / level, d=system.d.copy()
-    )
 
 
 def _least_gamma(plant: GeneralizedPlant, rtol: float, tests: list[GammaTest]) -> float:

@@ -11,7 +11,7 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.certified import synthesize_certified
 from dvs_hinf_controller.synthesis.options import DesignOptions
-from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
+from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 
 Synthesis = Callable[[DesignProblem, DesignOptions], LinearController]
@@ -43,9 +43,7 @@ METHODS = {
         # Minimise sup_w ||G(jw)||: H-infinity synthesis (paper, section IV.A).
         SynthesisMethod(
             name='unstructured',
-            synthesize=lambda problem, options: (
-                synthesize_rolled_off(problem.model, options).controller
-            ),
+            synthesize=lambda problem, options: synthesize_unstructured(problem.model, options),
         ),
         # Minimise mu = sup_w (|T| + ||G||): the sector as it is (paper, section IV.A).
         SynthesisMethod(

@@ -20,6 +20,7 @@ from dvs_hinf_controller.synthesis.hinf_synthesis import (
 from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
+from dvs_hinf_controller.synthesis.units import Units, control_rate, plant_rate
 
 # Roll-offs that are tried, relative to the plant's own rate.
 _FASTEST = (1e4, 1e3, 1e2)
@@ -55,18 +56,6 @@ class RolledOff:
     bandwidth: float
 
 
-def plant_rate(model: PlantModel) -> float:
-    """The plant's own rate: its fastest mode, 1 rad/s for pure integrators.
-
-    Parameters
-    ----------
-    model
-        Plant.
-    """
-    rate = float(np.max(np.abs(np.linalg.eigvals(model.state_matrix))))
-    return rate if rate > 1e-9 else 1.0
-
-
 def synthesize_rolled_off(
     model: PlantModel,
     options: DesignOptions,
@@ -96,7 +85,9 @@ def synthesize_rolled_off(
         If the plant is not stabilizable or not detectable, or double precision does not suffice.
     """
     rate = plant_rate(model)
-    noise = options.process_noise * rate / float(np.linalg.norm(model.output_vector))
+    noise = (
+        options.process_noise * control_rate(model) / float(np.linalg.norm(model.output_vector))
+    )
     gain = max(float(np.linalg.norm(model.input_matrix, 2)), 1e-300)
 
     def plant(bandwidth: float, noise_scale: float = 1.0) -> GeneralizedPlant:
@@ -127,6 +118,27 @@ def synthesize_rolled_off(
     controller, gamma = _fast_enough(model, trials, _LEAST_DECAY * rate)
     return RolledOff(
         controller=controller, gamma=gamma, gamma_optimal=optimal, bandwidth=bandwidth
+    )
+
+
+def synthesize_unstructured(model: PlantModel, options: DesignOptions) -> LinearController:
+    """Controller of (nearly) the least ``sup_w ||G(jw)||`` (paper, section IV.A).
+
+    Parameters
+    ----------
+    model
+        Plant.
+    options
+        Slack, limit of the bandwidth, process noise.
+
+    Raises
+    ------
+    SynthesisError
+        If the plant is not stabilizable or not detectable, or double precision does not suffice.
+    """
+    units = Units.of(model)
+    return units.controller(
+        synthesize_rolled_off(units.plant(model), units.options(options)).controller
     )
 
 

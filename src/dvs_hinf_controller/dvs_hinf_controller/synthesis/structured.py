@@ -10,15 +10,18 @@ from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.mu import log_grid, mu_bounds
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.state_space import state_response
+from dvs_hinf_controller.state_space import ComplexArray, state_response
 from dvs_hinf_controller.synthesis.options import DesignOptions
-from dvs_hinf_controller.synthesis.rolled_off import plant_rate, synthesize_rolled_off
+from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
+from dvs_hinf_controller.synthesis.units import Units, plant_rate
 from dvs_hinf_controller.synthesis.weight_fit import fit_magnitude
 
 _MAX_ITERATIONS = 8
 _STAGNATION = 1e-3
 _LEAST_RATIO = 0.02
+# Luminosity a unit of state beyond which |T| outweighs ||G|| more than double precision bears.
+_LARGEST_SLOPE = 300.0
 
 
 def synthesize_structured(model: PlantModel, options: DesignOptions) -> LinearController:
@@ -40,16 +43,21 @@ def synthesize_structured(model: PlantModel, options: DesignOptions) -> LinearCo
     SynthesisError
         If the unweighted problem has no controller; names the assumption that fails.
     """
+    units = Units.of(model)
+    plant, limits = units.plant(model), units.options(options)
+    slope = min(units.luminosity, _LARGEST_SLOPE)
     if model.input_count == 1:
-        return _one_input(model, options)
-    best = synthesize_rolled_off(model, options).controller
+        return units.controller(_one_input(plant, limits, slope))
+    best = units.controller(synthesize_rolled_off(plant, limits).controller)
     best_mu = current_mu = _mu(model, best)
     controller = best
     for _ in range(_MAX_ITERATIONS):
+        response = _response(model, units, controller)
         try:
-            controller = _next_iterate(model, controller, options)
+            iterate = _next_iterate(plant, response, limits, slope)
         except SynthesisError:
             break
+        controller = units.controller(iterate)
         previous_mu, current_mu = current_mu, _mu(model, controller)
         if current_mu < best_mu:
             best, best_mu = controller, current_mu
@@ -75,25 +83,29 @@ def input_ratio(model: PlantModel, frequencies: FloatArray) -> FloatArray:
     return np.asarray(np.abs(direction @ model.output_vector) / np.linalg.norm(direction, axis=1))
 
 
-def _one_input(model: PlantModel, options: DesignOptions) -> LinearController:
-    grid = _grid(model)
-    fit = fit_magnitude(grid, 1 + input_ratio(model, grid))
-    return synthesize_rolled_off(model, options, weight=fit.weight).controller
+def _one_input(plant: PlantModel, options: DesignOptions, luminosity: float) -> LinearController:
+    grid = _grid(plant)
+    fit = fit_magnitude(grid, 1 + luminosity * input_ratio(plant, grid))
+    return synthesize_rolled_off(plant, options, weight=fit.weight).controller
+
+
+def _response(model: PlantModel, units: Units, controller: LinearController) -> ComplexArray:
+    """G of the user's plant on the grid of the plant in `units`, shape (f, n)."""
+    frequencies = _grid(units.plant(model)) * units.rate
+    return np.asarray(state_response(model, controller).response(frequencies)[:, :, 0])
 
 
 def _next_iterate(
-    model: PlantModel, controller: LinearController, options: DesignOptions
+    plant: PlantModel, response: ComplexArray, options: DesignOptions, luminosity: float
 ) -> LinearController:
-    grid = _grid(model)
-    response = state_response(model, controller).response(grid)[:, :, 0]
-    c_norm = float(np.linalg.norm(model.output_vector))
-    ratio = np.abs(response @ model.output_vector) / np.linalg.norm(response, axis=1)
-    inverse_square = np.maximum(ratio, _LEAST_RATIO * c_norm)
+    grid = _grid(plant)
+    ratio = np.abs(response @ plant.output_vector) / np.linalg.norm(response, axis=1)
+    inverse_square = luminosity * np.maximum(ratio, _LEAST_RATIO)
     return synthesize_rolled_off(
-        model,
+        plant,
         options,
         weight=fit_magnitude(grid, np.sqrt(1 + inverse_square)).weight,
-        output_weight=fit_magnitude(grid, np.sqrt(1 + c_norm**2 / inverse_square)).weight,
+        output_weight=fit_magnitude(grid, np.sqrt(1 + luminosity**2 / inverse_square)).weight,
     ).controller
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,28 +103,26 @@ class YoulaFamily:
         """
         a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.output_vector
         n, m = b.shape
-        f, k = self.filter_poles.size, self.coefficient_count
-        observer = n + f
-        size = observer + n * (k + 1)
-        flow = np.zeros((size, size))
-        start = np.zeros(size)
-        flow[:n, :n], start[:n] = a - np.outer(self.injection, c), -self.injection
-        flow[n:observer, :n] = np.outer(self.filter_poles, c)
-        flow[n:observer, n:observer] = -np.diag(self.filter_poles)
-        start[n:observer] = self.filter_poles
-        loop = a + b @ self.feedback
-        for copy in range(k + 1):
-            rows = slice(observer + n * copy, observer + n * (copy + 1))
-            flow[rows, rows] = loop
-            if copy == 0:
-                flow[rows, :n] = -b @ self.feedback
-                continue
-            filter_index, column = divmod(copy - 1, m)
-            if filter_index == 0:
-                flow[rows, :n], start[rows] = np.outer(b[:, column], c), b[:, column]
-            else:
-                flow[rows, n + filter_index - 1] = b[:, column]
-        path = _propagate(flow, start, times)[:, observer:].reshape(times.size, k + 1, n)
+        f = self.filter_poles.size
+        observer = np.zeros((n + f, n + f))
+        observer[:n, :n] = a - np.outer(self.injection, c)
+        observer[n:, :n] = np.outer(self.filter_poles, c)
+        observer[n:, n:] = -np.diag(self.filter_poles)
+        signals = np.vstack([np.append(c, np.zeros(f)), np.eye(n + f)[n:]])
+        drives = np.concatenate(
+            [
+                np.hstack([-b @ self.feedback, np.zeros((n, f))])[None],
+                np.einsum('ij,kl->kjil', b, signals).reshape(-1, n, n + f),
+            ]
+        )
+        start = np.zeros((self.coefficient_count + 1, n))
+        start[1 : m + 1] = b.T
+        path = _propagate(
+            _Cascade(loop=a + b @ self.feedback, observer=observer, drives=drives),
+            np.concatenate([-self.injection, self.filter_poles]),
+            start,
+            times,
+        )
         return path[:, 0], np.moveaxis(path[:, 1:], 1, 2)
 
     def controller(self, theta: FloatArray) -> LinearController:
@@ -171,13 +168,41 @@ def _regulator(a: FloatArray, b: FloatArray, rate: float, assumption: Assumption
     raise SynthesisError(assumption, 'no observer-based controller stabilizes the plant')
 
 
-def _propagate(flow: FloatArray, start: FloatArray, times: FloatArray) -> FloatArray:
-    path = np.empty((times.size, start.size))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cascade:
+    """``o' = observer o``, ``x_k' = loop x_k + drives_k o`` for every k; or one step of it."""
+
+    loop: FloatArray
+    observer: FloatArray
+    drives: FloatArray
+
+    def step(self, length: float) -> _Cascade:
+        count, n, q = self.drives.shape
+        flow = np.zeros((count, n + q, n + q))
+        flow[:, :n, :n], flow[:, n:, n:] = self.loop, self.observer
+        flow[:, :n, n:] = self.drives
+        steps = scipy.linalg.expm(flow * length)
+        return _Cascade(loop=steps[0, :n, :n], observer=steps[0, n:, n:], drives=steps[:, :n, n:])
+
+    def twice(self) -> _Cascade:
+        return _Cascade(
+            loop=self.loop @ self.loop,
+            observer=self.observer @ self.observer,
+            drives=self.loop @ self.drives + self.drives @ self.observer,
+        )
+
+
+def _propagate(
+    flow: _Cascade, observed: FloatArray, start: FloatArray, times: FloatArray
+) -> FloatArray:
+    """All x_k at the times of a `time_grid`, whose steps double; shape (N, k, n)."""
+    path = np.empty((times.size, *start.shape))
     path[0] = start
-    step, transition = math.nan, np.eye(start.size)
-    for index, length in enumerate(np.diff(times)):
-        if not math.isclose(length, step, rel_tol=1e-6):
-            step = float(length)
-            transition = scipy.linalg.expm(flow * step)
-        path[index + 1] = transition @ path[index]
+    lengths = np.diff(times)
+    length, step = lengths[0], flow.step(lengths[0])
+    for index, wanted in enumerate(lengths):
+        if wanted > 1.5 * length:
+            length, step = 2 * length, step.twice()
+        path[index + 1] = path[index] @ step.loop.T + step.drives @ observed
+        observed = step.observer @ observed
     return path

@@ -1,0 +1,146 @@
+"""The unit vector over the states that makes an L1 norm largest, and bounds of that norm."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from dvs_common.arrays import FloatArray
+
+_SECTORS = 32
+_PLANE_RTOL = 1e-5
+_ASCENT_STARTS = 12
+_ASCENT_STEPS = 100
+_RELAXATION_STEPS = 40
+_RELAXATION_WORK = 1e8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeightedVectors:
+    """Vectors g and the weights with which ``|v'g|`` is summed.
+
+    Parameters
+    ----------
+    values
+        g, shape (N, n).
+    weights
+        Shape (N,).
+    """
+
+    values: FloatArray
+    weights: FloatArray
+
+    def integral(self, directions: FloatArray) -> FloatArray:
+        """``sum weights |v'g|`` for every column v.
+
+        Parameters
+        ----------
+        directions
+            Shape (n, k).
+        """
+        return np.asarray(self.weights @ np.abs(self.values @ directions))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bracket:
+    """A lower and an upper bound.
+
+    Parameters
+    ----------
+    lower
+        Attained.
+    upper
+        Never exceeded.
+    """
+
+    lower: float
+    upper: float
+
+
+def largest_integral(kernel: WeightedVectors) -> Bracket:
+    """Bracket of ``max_v sum weights |v'g|`` over unit vectors, a norm of v, hence convex.
+
+    Parameters
+    ----------
+    kernel
+        Vectors and weights.
+    """
+    n = kernel.values.shape[1]
+    if n == 1:
+        value = float(kernel.integral(np.ones((1, 1)))[0])
+        return Bracket(lower=value, upper=value)
+    if n == 2:
+        return _largest_in_plane(kernel)
+    v = steepest_direction(kernel)
+    return Bracket(lower=float(kernel.integral(v[:, None])[0]), upper=_relaxed_maximum(kernel, v))
+
+
+def _largest_in_plane(kernel: WeightedVectors) -> Bracket:
+    """Bracket by bisecting sectors: inside one of half-width a, at most its ends' / cos(a)."""
+
+    def values(angles: FloatArray) -> FloatArray:
+        return kernel.integral(np.array([np.cos(angles), np.sin(angles)]))
+
+    angles = np.linspace(0, math.pi, _SECTORS + 1)
+    ends = values(angles)
+    low, high = np.column_stack([angles[:-1], ends[:-1]]), np.column_stack([angles[1:], ends[1:]])
+    best, settled = float(ends.max()), 0.0
+    while low.size:
+        cap = np.maximum(low[:, 1], high[:, 1]) / np.cos((high[:, 0] - low[:, 0]) / 2)
+        is_open = cap > best * (1 + _PLANE_RTOL)
+        settled = max(settled, float(np.max(cap[~is_open], initial=0.0)))
+        low, high = low[is_open], high[is_open]
+        middle = (low[:, 0] + high[:, 0]) / 2
+        centre = np.column_stack([middle, values(middle)])
+        best = max(best, float(np.max(centre[:, 1], initial=0.0)))
+        low, high = np.vstack([low, centre]), np.vstack([centre, high])
+    return Bracket(lower=best, upper=max(settled, best))
+
+
+def _relaxed_maximum(kernel: WeightedVectors, v: FloatArray) -> float:
+    """Upper bound of ``max_v sum w |v'g|``: by Cauchy and Schwarz, for any positive a,
+
+    ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is ``sqrt(g'S g)`` with S a
+    density matrix, found by the multiplicative update of optimal experiment design.
+    """
+    n = v.size
+    used = np.linalg.norm(kernel.values, axis=1) > 0
+    values, weights = kernel.values[used], kernel.weights[used]
+    s = 0.9 * np.outer(v, v) + 0.1 * np.eye(n) / n
+    bound = math.inf
+    steps = int(_RELAXATION_WORK / (values.shape[0] * n * n))
+    for _ in range(min(max(steps, 4), _RELAXATION_STEPS)):
+        a = np.sqrt(np.einsum('ij,jk,ik->i', values, s, values))
+        moment = (values * (weights / a)[:, None]).T @ values
+        bound = min(bound, math.sqrt(float(weights @ a) * np.linalg.eigvalsh(moment)[-1]))
+        root = scipy.linalg.sqrtm(s).real
+        s = root @ moment @ root
+        s = s / np.trace(s) + 1e-12 * np.eye(n)
+    return bound
+
+
+def steepest_direction(kernel: WeightedVectors) -> FloatArray:
+    """Unit vector v with a (locally) largest ``integral |v'g|``, shape (n,).
+
+    Every step moves to the gradient's direction, which never lowers a convex function.
+
+    Parameters
+    ----------
+    kernel
+        Vectors and weights.
+    """
+    weighted = kernel.weights[:, None] * kernel.values
+    order = np.argsort(-np.linalg.norm(weighted, axis=1))[:_ASCENT_STARTS]
+    starts = np.vstack([np.eye(kernel.values.shape[1]), weighted[order]])
+    lengths = np.linalg.norm(starts, axis=1)
+    v = (starts[lengths > 0] / lengths[lengths > 0, None]).T
+    for _ in range(_ASCENT_STEPS):
+        gradient = weighted.T @ np.sign(kernel.values @ v)
+        moved = gradient / np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
+        if np.allclose(moved, v, rtol=0, atol=1e-12):
+            break
+        v = moved
+    return np.asarray(v[:, int(np.argmax(kernel.integral(v)))])

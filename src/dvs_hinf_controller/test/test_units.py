@@ -1,0 +1,116 @@
+"""No method depends on the units in which a plant is written down."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dvs_common.scenario.model import PixelScene, PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.design import design_controller
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.synthesis.units import control_rate, plant_rate
+
+
+def model(a, b, c) -> PlantModel:
+    return PlantModel(
+        state_matrix=np.array(a, dtype=float),
+        input_matrix=np.array(b, dtype=float),
+        output_vector=np.array(c, dtype=float),
+    )
+
+
+def converted(
+    problem: DesignProblem, *, luminosity=1.0, state=1.0, rate=1.0, command=1.0
+) -> DesignProblem:
+    """The same problem, written down in other units."""
+    plant, held, bounds = problem.model, problem.equilibrium, problem.bounds
+    return dataclasses.replace(
+        problem,
+        model=PlantModel(
+            state_matrix=plant.state_matrix * rate,
+            input_matrix=plant.input_matrix * rate * state / command,
+            output_vector=plant.output_vector * luminosity / state,
+        ),
+        equilibrium=dataclasses.replace(
+            held, state=held.state * state, feedforward=held.feedforward * command
+        ),
+        scene=PixelScene(
+            brightness_offsets=problem.scene.brightness_offsets * luminosity,
+            height=problem.scene.height,
+            width=problem.scene.width,
+        ),
+        bounds=ReferenceBounds(lower=bounds.lower * luminosity, upper=bounds.upper * luminosity),
+        tolerance=problem.tolerance * state,
+    )
+
+
+@pytest.mark.parametrize('method', ['unstructured', 'certified'])
+@pytest.mark.parametrize(
+    'units',
+    [
+        {'luminosity': 255.0, 'state': 1e-6},
+        {'luminosity': 1e-9, 'command': 1e6},
+        {'state': 1e6, 'rate': 1e5},
+    ],
+    ids=str,
+)
+def test_thresholds_do_not_depend_on_units(paper_problem, method, units) -> None:
+    problem = paper_problem(1, mirror=True)
+    plain = design_controller(problem, method=method).figures
+    other = design_controller(converted(problem, **units), method=method).figures
+
+    assert other.h_certified == pytest.approx(plain.h_certified, rel=0.01)
+    assert other.h_star == pytest.approx(plain.h_star, rel=0.02)
+
+
+@pytest.mark.parametrize('state', [1e-6, 1e6])
+def test_structured_designs_exist_in_any_units(paper_problem, state) -> None:
+    """Mu weighs luminosity against states, so that its optimum does depend on their units."""
+    figures = design_controller(converted(paper_problem(1), state=state)).figures
+
+    assert figures.h_certified > 0.04
+
+
+def test_the_rate_of_a_plant() -> None:
+    assert plant_rate(model([[0.0]], [[1.0]], [1.0])) == 1
+    assert plant_rate(model([[0.0, 7.0], [0.0, 0.0]], [[0.0], [1.0]], [1.0, 0.0])) == 7
+
+
+def test_a_fast_stable_mode_does_not_set_the_pace_of_control() -> None:
+    fast = model([[1.0, 0.0], [0.0, -1000.0]], [[1.0], [1.0]], [1.0, 0.0])
+
+    assert plant_rate(fast) == 1000
+    assert control_rate(fast) == 1
+    assert control_rate(model([[-2.0, 0.0], [0.0, -9.0]], [[1.0], [1.0]], [1.0, 1.0])) == 2
+
+
+def test_a_fast_stable_mode_does_not_raise_the_norm(problem_of) -> None:
+    """Appended to the plant and hardly excited, it leaves the least norm where it was."""
+    slow = model([[1.0]], [[1.0]], [1.0])
+    fast = model([[1.0, 0.0], [0.0, -1000.0]], [[1.0], [1e-3]], [1.0, 0.0])
+    plain, extended = (
+        design_controller(problem_of(plant), method='unstructured').figures.gamma
+        for plant in (slow, fast)
+    )
+
+    assert extended == pytest.approx(plain, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ('a', 'b', 'c'),
+    [
+        ([[0.0]], [[1.0]], [1.0]),
+        ([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[0], [0], [1]], [1, 0, 0]),
+        ([[0, 31.416], [-31.416, -0.31416]], [[0], [1]], [1, 0]),
+    ],
+    ids=['xdot = u', 'three integrators', 'a flexible mode'],
+)
+def test_certified_is_never_worse_than_another_method(problem_of, a, b, c) -> None:
+    problem = problem_of(model(a, b, c))
+    thresholds = {
+        method: design_controller(problem, method=method).figures.h_certified
+        for method in ('unstructured', 'structured', 'certified')
+    }
+
+    assert thresholds['certified'] >= 0.999 * max(thresholds.values()) > 0
