@@ -221,6 +221,7 @@ TYPED = (
     Rule(r'scripts/(demo|test)\.sh', explains_itself, 'sets up, and this is one of the tests'),
     Rule('pip install .*', names_packages, 'test_library.py installs them elsewhere'),
     Rule(r'ros2 run dvs_\w+ .*', goes_with_our_runner, 'ros2 comes with ROS from apt only'),
+    Rule('(export ROS_SECURITY|ros2 security ).*', nothing, 'sros2 comes with ROS from apt only'),
     Rule('ros2 launch .*', is_launched, 'ros2 comes with ROS from apt only'),
 )
 NAMED = (

@@ -12,7 +12,6 @@ import numpy as np
 
 from dvs_common.errors import ParameterError, SuiteError
 from dvs_common.scenario.parameters import CONTROLLER
-from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_hinf_controller.design.bode_figure import save_bode_figure
 from dvs_hinf_controller.design.design import (
