@@ -78,15 +78,57 @@ def sector(bounds: ReferenceBounds, *, event_threshold: float, log_base: float) 
     rho = spacing(event_threshold, log_base)
     m, upper = bounds.lower, bounds.upper
     total = upper + m
-    amplified = upper + m * rho**2
     return Sector(
         spacing=rho,
         initial_reference=2 * m * upper / total,
         initial_error=(upper - m) / total,
-        amplification=total * rho / amplified,
-        initial_estimate=2 * m * upper * rho / amplified,
-        error_bound=(upper - m * rho**2) / amplified,
+        amplification=total * rho / (upper + m * rho * rho),
+        initial_estimate=best_estimate(m, upper, on_spacing=rho, off_spacing=rho),
+        error_bound=best_error(m, upper, on_spacing=rho, off_spacing=rho),
     )
+
+
+def best_estimate(
+    lower: FloatArray, upper: FloatArray, *, on_spacing: float, off_spacing: float
+) -> FloatArray:
+    """``2 m M rho_off / (M + m rho_on rho_off)``, the estimate of least worst relative error.
+
+    A pixel with ``m <= q <= M`` that is silent has ``m rho_off < y < M / rho_on``; of such a y the
+    harmonic mean of the ends is the best estimate (paper, Theorem 3, where both spacings are rho).
+
+    Parameters
+    ----------
+    lower
+        m, shape (r,).
+    upper
+        M, shape (r,).
+    on_spacing
+        ``rho_on = b^-h`` of the largest ON threshold.
+    off_spacing
+        ``rho_off = b^-h`` of the largest OFF threshold.
+    """
+    amplified = upper + lower * (on_spacing * off_spacing)
+    return np.asarray(2 * lower * upper * off_spacing / amplified)
+
+
+def best_error(
+    lower: FloatArray, upper: FloatArray, *, on_spacing: float, off_spacing: float
+) -> FloatArray:
+    """``(M - m rho_on rho_off) / (M + m rho_on rho_off)``, worst error of `best_estimate`.
+
+    Parameters
+    ----------
+    lower
+        m, shape (r,).
+    upper
+        M, shape (r,).
+    on_spacing
+        ``rho_on``.
+    off_spacing
+        ``rho_off``.
+    """
+    shrunk = lower * (on_spacing * off_spacing)
+    return np.asarray((upper - shrunk) / (upper + shrunk))
 
 
 def estimate(

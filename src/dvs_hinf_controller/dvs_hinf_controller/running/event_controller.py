@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -16,8 +17,10 @@ from dvs_common.wire.index_watch import Order
 from dvs_common.wire.keyframe import Keyframe
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.running.estimator import Estimator
 from dvs_hinf_controller.running.held_input import HeldInputResponse
+from dvs_hinf_controller.running.interval_arithmetic import Told, require_finite
+from dvs_hinf_controller.running.intervals import ReferenceIntervals
+from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 from dvs_hinf_controller.running.synchroniser import Synchroniser, Synchrony
 
 _KEPT_STEPS = 16
@@ -98,10 +101,11 @@ class EventController:
         self._ahead: _Ahead | None = None
 
     def _reset(self) -> None:
-        self._estimator = Estimator(
+        self._estimator = ReferenceIntervals(
             self._problem.bounds,
             event_threshold=self._event_threshold,
             log_base=self._problem.log_base,
+            uncertainty=SensorUncertainty(),
         )
         self._synchroniser = Synchroniser()
         self._stamp_ns: int | None = None
@@ -162,7 +166,7 @@ class EventController:
         return True
 
     def _mean_deviation(self) -> float:
-        return float(self._estimator.estimate.mean()) - self._mean_target
+        return self._estimator.mean_estimate - self._mean_target
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -172,7 +176,8 @@ class EventController:
     @property
     def estimate(self) -> FloatArray:
         """Estimate z of every luminosity, shape (r,)."""
-        return self._estimator.estimate
+        estimate: FloatArray = self._estimator.estimate
+        return estimate
 
     @property
     def event_threshold(self) -> float:
@@ -315,9 +320,24 @@ class EventController:
         keyframe = self._synchroniser.resolve(self._stamp_ns)
         if keyframe is None:
             return None
-        corrected = self._estimator.adopt(keyframe)
-        if corrected:
-            self._deviation = self._mean_deviation()
+        log_base = math.log(self._problem.log_base)
+        require_finite((keyframe.counts * self.event_threshold + keyframe.moved) * log_base)
+        growth = np.exp(keyframe.moved * log_base)
+        bounds = self._problem.bounds
+        corrected = self._estimator.restart(
+            Told(
+                event_threshold=self.event_threshold,
+                counts=keyframe.counts,
+                signs=keyframe.signs,
+                lower=bounds.lower * growth,
+                upper=bounds.upper * growth,
+                age_s=0.0,
+                events=0,
+            )
+        )
+        if corrected is None:
+            return 0
+        self._deviation = self._mean_deviation()
         return corrected
 
     def _latest_threshold(self) -> float:

@@ -1,0 +1,401 @@
+"""What is known of every reference, at every instant: an interval that rules move and cut.
+
+A pixel's reference is ``q = q0 rho^-N`` with the integer N that both sensor and estimator count,
+and ``m <= q0 <= M``. An event moves the interval rigidly, by N alone, so that nothing accumulates
+where nothing is uncertain; whatever else may have happened widens ``[m, M]``, and an absolute
+measurement cuts it (docs/theory.md).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
+from dvs_common.wire.cdr import MessageError
+from dvs_hinf_controller.analysis.sector import best_error, best_estimate
+from dvs_hinf_controller.running.interval_arithmetic import (
+    LARGEST_LOGARITHM,
+    ROUNDING,
+    Bools,
+    Cut,
+    Told,
+    common_part,
+    half_widths,
+    require_finite,
+)
+from dvs_hinf_controller.running.packet_history import Passed
+from dvs_hinf_controller.running.pixel_turns import PixelTurns, kernels_for
+from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+
+# An interval this wide, M = 400 m, is no measurement any more.
+_UNKNOWN_WIDTH = 3.0
+
+
+class _Spacings(TypedDict):
+    on_spacing: float
+    off_spacing: float
+
+
+class ReferenceIntervals:
+    """The interval of every reference and the best estimate of every luminosity from it.
+
+    Parameters
+    ----------
+    bounds
+        What is known of q at the start, where N = 0.
+    event_threshold
+        h, in logarithms to the base b.
+    log_base
+        b.
+    uncertainty
+        How far the sensor may be from an ideal one.
+    compiled
+        Whether packets of many events go through compiled code, where it is installed.
+    """
+
+    def __init__(
+        self,
+        bounds: ReferenceBounds,
+        *,
+        event_threshold: float,
+        log_base: float,
+        uncertainty: SensorUncertainty,
+        compiled: bool = True,
+    ) -> None:
+        size = bounds.lower.size
+        self._log_base = log_base
+        self._uncertainty = uncertainty
+        self._compiled = compiled
+        self.counts: NDArray[np.int64] = np.zeros(size, np.int64)
+        self.signs: NDArray[np.int8] = np.ones(size, np.int8)
+        self._healthy: Bools = np.ones(size, bool)
+        self._set_step(event_threshold)
+        # Of a reference that may have leaked since it was set, one step is not known.
+        leaked = math.exp(-self._step) if uncertainty.leak else 1.0
+        self._begin(bounds.lower * leaked, bounds.upper)
+
+    def _set_step(self, event_threshold: float) -> None:
+        self.event_threshold = event_threshold
+        self._step = threshold_step(event_threshold, self._log_base)
+        self._on = self._step * (1 + self._uncertainty.threshold_on)
+        self._off = self._step * (1 + self._uncertainty.threshold_off)
+        self._spacings = _Spacings(
+            on_spacing=math.exp(-self._on), off_spacing=math.exp(-self._off)
+        )
+
+    def _begin(self, lower: FloatArray, upper: FloatArray) -> None:
+        self.lower, self.upper = lower.copy(), upper.copy()
+        # The intervals without what losses have added, as long as counts may be wrong.
+        self._counted: tuple[FloatArray, FloatArray] | None = None
+        self._renew()
+
+    # -- what is known ----------------------------------------------------------------------------
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """``w = 1/2 ln(M/m)``, shape (r,); infinite where nothing is known."""
+        return half_widths(self.lower, self.upper)
+
+    @property
+    def known(self) -> Bools:
+        """Pixels whose reference is known well enough to measure by, shape (r,)."""
+        return self.half_widths <= _UNKNOWN_WIDTH
+
+    @property
+    def error_bounds(self) -> FloatArray:
+        """``delta_i``, bound of ``|z_i - y_i| / |y_i|``, shape (r,); 1 where nothing is known."""
+        known = self.known
+        bound = np.ones(self.lower.size)
+        bound[known] = best_error(self.lower[known], self.upper[known], **self._spacings)
+        return bound
+
+    @property
+    def mean_estimate(self) -> float:
+        """Mean of the estimates of the active pixels; 0 if there are none."""
+        if self._all_active:
+            return float(self.estimate.mean())
+        return float(self.estimate[self.active].mean()) if self.active_count else 0.0
+
+    def _renew(self) -> None:
+        """Work out the estimates of the present intervals."""
+        lower, upper = self._ends
+        usable = self.known
+        if self._counted is not None:
+            # Better a count that may be wrong than no estimate at all; nobody calls it certified.
+            lower = np.where(usable, lower, self._counted[0])
+            upper = np.where(usable, upper, self._counted[1])
+            usable = half_widths(lower, upper) <= _UNKNOWN_WIDTH
+        if usable.all():
+            self._first = best_estimate(lower, upper, **self._spacings)
+        else:
+            self._first = np.zeros(lower.size)
+            self._first[usable] = best_estimate(lower[usable], upper[usable], **self._spacings)
+        self._usable = usable
+        self._estimate_all()
+        self._choose()
+
+    def _estimate_all(self) -> None:
+        self.estimate = self.signs * self._first * np.exp(self.counts * self._step)
+
+    def _choose(self) -> None:
+        self.active: Bools = self._usable & self._healthy
+        self.active_count = int(np.count_nonzero(self.active))
+        self._all_active = self.active_count == self.active.size
+
+    def listen_to(self, healthy: Bools) -> None:
+        """Take the mean over these pixels from now on, as far as they are known.
+
+        Parameters
+        ----------
+        healthy
+            Shape (r,).
+        """
+        self._healthy = healthy
+        self._choose()
+
+    @property
+    def _slacks(self) -> tuple[float, float]:
+        """By how much an ON and an OFF threshold may miss the step."""
+        return self._on - self._step, self._off - self._step
+
+    # -- rules that move and widen ----------------------------------------------------------------
+
+    def apply(
+        self, pixels: NDArray[np.intp], polarities: NDArray[np.int8], signs: NDArray[np.int8]
+    ) -> FloatArray:
+        """Count events; return the jump of the mean estimate at each of them, shape (E,).
+
+        Parameters
+        ----------
+        pixels
+            Row-major pixel of every event in the order of time, shape (E,), E > 0.
+        polarities
+            +1 or -1, shape (E,).
+        signs
+            Sign of the reference after the event, shape (E,).
+
+        Raises
+        ------
+        MessageError
+            If an estimate would leave the range of numbers; nothing has changed then.
+        """
+        kernels = kernels_for(len(pixels)) if self._compiled else None
+        if kernels is not None:
+            return self._apply_compiled(kernels, pixels, polarities, signs)
+        turns = PixelTurns(pixels, polarities, self.counts)
+        logarithm = turns.counts * self._step
+        require_finite(logarithm)
+        before = self.estimate[turns.pixel]
+        self._widen_for_mismatch(pixels, polarities)
+        after = signs[turns.order] * self._first[turns.pixel] * np.exp(logarithm)
+        before[1:] = np.where(turns.is_first[1:], before[1:], after[:-1])
+        last = turns.pixel[turns.is_last]
+        self.counts[last] = turns.counts[turns.is_last]
+        self.signs[last] = signs[turns.order][turns.is_last]
+        self.estimate[last] = after[turns.is_last]
+        jumps: FloatArray = np.empty_like(after)
+        jumps[turns.order] = (after - before) / max(self.active_count, 1)
+        return jumps if self._all_active else np.where(self.active[pixels], jumps, 0.0)
+
+    def _apply_compiled(
+        self,
+        kernels: Any,
+        pixels: NDArray[np.intp],
+        polarities: NDArray[np.int8],
+        signs: NDArray[np.int8],
+    ) -> FloatArray:
+        running = np.empty(len(pixels), np.int64)
+        low, high = kernels.count(pixels, polarities, self.counts, running)
+        try:
+            require_finite(np.array([low, high]) * self._step)
+        except MessageError:
+            kernels.uncount(pixels, polarities, self.counts)
+            raise
+        self._widen_for_mismatch(pixels, polarities)
+        jumps = np.empty(len(pixels))
+        growth = np.exp(np.arange(low, high + 1) * self._step)
+        kernels.jump(
+            *(pixels, signs, running, growth, low, self._first, self.estimate, self.signs),
+            *(self.active, self.active_count, jumps),
+        )
+        return jumps
+
+    def _widen_for_mismatch(self, pixels: NDArray[np.intp], polarities: NDArray[np.int8]) -> None:
+        """Widen for events of thresholds that are not quite h; the estimates follow later."""
+        slack_on, slack_off = self._slacks
+        if not slack_on and not slack_off:
+            return
+        slack = np.where(polarities > 0, slack_on, slack_off)
+        grown = np.exp(np.bincount(pixels, weights=slack, minlength=self.lower.size))
+        self._stretch(1 / grown, grown)
+        estimate = self.estimate
+        self._renew()
+        self.estimate = estimate
+
+    def _stretch(self, down: FloatArray | float, up: FloatArray | float) -> None:
+        """Multiply the ends of all intervals."""
+        self.lower *= down
+        self.upper *= up
+        if self._counted is not None:
+            lower, upper = self._counted
+            self._counted = lower * down, upper * up
+
+    def leak(self, duration_s: float) -> None:
+        """Let references fall for a time by as much as leakage may make them.
+
+        Parameters
+        ----------
+        duration_s
+            Time, s.
+        """
+        if self._uncertainty.leak:
+            self._stretch(math.exp(-self._uncertainty.leak * self._step * duration_s), 1.0)
+            self._renew()
+
+    def lose(self, count: int) -> None:
+        """Widen for events that never came, of whatever pixels.
+
+        Parameters
+        ----------
+        count
+            How many, > 0.
+        """
+        # Of one threshold too many or too few to be a number.
+        most = LARGEST_LOGARITHM / self._step
+        up, down = (math.exp(x * min(count, most)) for x in (self._on, -self._off))
+        if self._counted is None:
+            self._counted = self.lower.copy(), self.upper.copy()
+        # A missing ON event hides a rise of the reference, a missing OFF event a fall.
+        self.lower *= 0.0 if count > most else down
+        self.upper *= math.inf if count > most else up
+        mismatch = math.exp(min(count, most) * max(self._slacks))
+        lower, upper = self._counted
+        self._counted = lower / mismatch, upper * mismatch
+        self._renew()
+
+    def change_threshold(self, event_threshold: float) -> None:
+        """Go on with another threshold: the references stay, counting starts again at zero.
+
+        Parameters
+        ----------
+        event_threshold
+            New h.
+        """
+        growth = np.exp(self.counts * self._step)
+        self._stretch(growth, growth)
+        self.counts = np.zeros_like(self.counts)
+        self._set_step(event_threshold)
+        self._renew()
+
+    def forget(self) -> None:
+        """Know nothing: the references may be anywhere."""
+        self._begin(np.zeros_like(self.lower), np.full_like(self.upper, np.inf))
+
+    # -- rules that narrow ------------------------------------------------------------------------
+
+    def restart(self, told: Told) -> int | None:
+        """Begin with what the sensor tells of itself; return how many pixels that changes.
+
+        Parameters
+        ----------
+        told
+            State of the sensor.
+
+        Returns
+        -------
+        int or None
+            None where it tells nothing that was not known: not a bit changes then.
+        """
+        ends = self._worn(told)
+        same_step = told.event_threshold == self.event_threshold
+        wrong = self._differs(told)
+        near = [np.abs(a - b) <= ROUNDING * b for a, b in zip(ends, self._ends, strict=True)]
+        if same_step and self._counted is None and not wrong.any() and np.all(near):
+            return None
+        moved = wrong | ~np.logical_and(*near)
+        self.counts, self.signs = told.counts.copy(), told.signs.copy()
+        self._set_step(told.event_threshold)
+        self._begin(*ends)
+        return int(np.count_nonzero(moved))
+
+    def confirm(self, told: Told) -> int:
+        """Take over true counts; return for how many pixels they were others.
+
+        What losses have added goes, and what the sensor says of itself narrows what is left.
+
+        Parameters
+        ----------
+        told
+            State of the sensor, in the epoch and at the threshold that it was in.
+        """
+        wrong = self._differs(told)
+        if self._counted is None and wrong.any():
+            return self.restart(told) or 0
+        ends = self._worn(told)
+        if self._counted is None:
+            narrowed = common_part(self._ends, ends)
+            if not all(map(np.array_equal, narrowed, self._ends)):
+                self._begin(*narrowed)
+            return 0
+        # Wherever the reference was seen to be, its number now has another name.
+        shift = np.exp((self.counts - told.counts) * self._step)
+        seen = (self.lower * shift, self.upper * shift)
+        self.counts, self.signs = told.counts.copy(), told.signs.copy()
+        self._begin(*common_part(common_part(self._counted, seen), ends))
+        return int(np.count_nonzero(wrong))
+
+    @property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        return self.lower, self.upper
+
+    def _differs(self, told: Told) -> Bools:
+        return np.asarray((told.counts != self.counts) | (told.signs != self.signs))
+
+    def _worn(self, told: Told) -> tuple[FloatArray, FloatArray]:
+        """Ends that the sensor tells, widened for what it may have done since."""
+        step = threshold_step(told.event_threshold, self._log_base)
+        slack = told.events * step
+        slack *= max(self._uncertainty.threshold_on, self._uncertainty.threshold_off)
+        if slack > LARGEST_LOGARITHM:
+            return np.zeros_like(told.lower), np.full_like(told.upper, np.inf)
+        leaked = self._uncertainty.leak * told.age_s + bool(self._uncertainty.leak)
+        return told.lower * math.exp(-slack - leaked * step), told.upper * math.exp(slack)
+
+    def cut(self, luminosity: FloatArray, passed: Passed) -> Cut:
+        """Cut the intervals with absolute measurements.
+
+        A silent pixel has ``y rho_on < q < y / rho_off``; what has happened since the measurement
+        moves and widens this interval like any other. Where it has no point in common with what
+        was known, that was wrong, and the measured one takes its place.
+
+        Parameters
+        ----------
+        luminosity
+            Measured y, shape (r,); a pixel where it is not > 0 and finite was not measured.
+        passed
+            What has happened since.
+        """
+        error, slack_on, slack_off = self._uncertainty.anchor, *self._slacks
+        measured = (luminosity > 0) & np.isfinite(luminosity)
+        level = np.log(np.where(measured, luminosity, 1.0))
+        level -= (self.counts - passed.on + passed.off) * self._step
+        slack = passed.on * slack_on + passed.off * slack_off
+        leaked = self._uncertainty.leak * self._step * passed.age_s
+        below = self._on * (1 + passed.unsure_on) + self._off * passed.lost + slack + leaked
+        above = self._off * (1 + passed.unsure_off) + self._on * passed.lost + slack
+        with np.errstate(over='ignore'):
+            lower = np.exp(level - below) * ((1 - ROUNDING) / (1 + error))
+            upper = np.exp(level + above) * ((1 + ROUNDING) / (1 - error))
+        contradicted = measured & ((lower > self.upper) | (upper < self.lower))
+        confirmed = measured & ~contradicted
+        np.maximum(self.lower, lower, out=self.lower, where=confirmed)
+        np.minimum(self.upper, upper, out=self.upper, where=confirmed)
+        np.copyto(self.lower, lower, where=contradicted)
+        np.copyto(self.upper, upper, where=contradicted)
+        self._renew()
+        return Cut(confirmed=confirmed, contradicted=contradicted)

@@ -1,0 +1,81 @@
+"""Which pixels are worth listening to: those that absolute measurements do not contradict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_common.errors import ParameterError
+
+# A contradiction outweighs this many confirmations, and so many of them mask a pixel.
+_CONTRADICTION = 8
+_MASKING = 4 * _CONTRADICTION
+_WORST = 8 * _CONTRADICTION
+
+
+class PixelHealth:
+    """Masks a pixel whose anchors contradict its events again and again.
+
+    A contradiction now and then is an event of noise or a loss that nobody has told; a hot pixel,
+    whose reference leaks faster than `leak_uncertainty` allows, meets one at almost every anchor.
+    A masked pixel comes back when its anchors have agreed with it for long enough.
+
+    Parameters
+    ----------
+    pixel_count
+        r.
+    masked
+        Row-major numbers of pixels that are known to be unfit and stay masked.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not that of a pixel, or no pixel is left.
+    """
+
+    def __init__(self, pixel_count: int, masked: Sequence[int] = ()) -> None:
+        for pixel in masked:
+            if not 0 <= pixel < pixel_count:
+                raise ParameterError(
+                    'pixel_mask', pixel, f'must be a pixel of the array, 0 to {pixel_count - 1}'
+                )
+        self._given = np.zeros(pixel_count, bool)
+        self._given[list(masked)] = True
+        if self._given.all():
+            raise ParameterError('pixel_mask', list(masked), 'must leave a pixel of the array')
+        self._suspicion = np.zeros(pixel_count, np.int16)
+        self._suspect = np.zeros(pixel_count, bool)
+        self.healthy: NDArray[np.bool_] = ~self._given
+
+    @property
+    def masked_count(self) -> int:
+        """Number of pixels that are masked now."""
+        return int(np.count_nonzero(~self.healthy))
+
+    def note(self, confirmed: NDArray[np.bool_], contradicted: NDArray[np.bool_]) -> bool:
+        """Take the outcome of an anchor; return whether another set of pixels is healthy now.
+
+        Where nearly all pixels are suspect it is not they that are unfit, and none is masked.
+
+        Parameters
+        ----------
+        confirmed
+            Pixels whose reference agreed with the anchor, shape (r,).
+        contradicted
+            Pixels whose reference did not, shape (r,).
+        """
+        if not contradicted.any() and not self._suspicion.any():
+            return False
+        self._suspicion += _CONTRADICTION * contradicted.astype(np.int16)
+        self._suspicion -= confirmed
+        np.clip(self._suspicion, 0, _WORST, out=self._suspicion)
+        self._suspect |= self._suspicion >= _MASKING
+        self._suspect &= self._suspicion > 0
+        healthy = ~(self._given | self._suspect)
+        if not healthy.any():
+            healthy = ~self._given
+        changed = not np.array_equal(healthy, self.healthy)
+        self.healthy = healthy
+        return changed

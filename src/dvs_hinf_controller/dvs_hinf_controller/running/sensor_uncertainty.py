@@ -1,0 +1,48 @@
+"""How far a sensor may be from the ideal one, as bounds that the user vouches for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from dvs_common.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorUncertainty:
+    """Bounds on what a sensor does otherwise than an ideal one; all 0 for the ideal one.
+
+    Parameters
+    ----------
+    threshold_on
+        Largest relative error of a pixel's ON threshold, in [0, 1).
+    threshold_off
+        Largest relative error of a pixel's OFF threshold, in [0, 1).
+    leak
+        Largest rate of the ON events that leakage alone causes in a pixel, 1/s: its reference
+        falls by at most this many thresholds a second.
+    anchor
+        Largest relative error of an absolute measurement of luminosity, in [0, 1).
+    latency
+        Longest time from what causes an event to its stamp, s.
+
+    Raises
+    ------
+    ParameterError
+        If a bound is negative or not finite, or a relative one is not below 1.
+    """
+
+    threshold_on: float = 0.0
+    threshold_off: float = 0.0
+    leak: float = 0.0
+    anchor: float = 0.0
+    latency: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            is_relative = entry.name not in ('leak', 'latency')
+            if not 0 <= value < (1 if is_relative else math.inf):
+                rule = 'must be >= 0 and < 1' if is_relative else 'must be >= 0 and finite'
+                raise ParameterError(f'{entry.name}_uncertainty', value, rule)
