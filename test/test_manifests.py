@@ -24,7 +24,9 @@ KEYS = {
     'aiohttp': 'python3-aiohttp',
     'control': 'python-control-pip',
     'ament_index_python': 'ament_index_python',
+    'h5py': 'python3-h5py',
     'hypothesis': 'python3-hypothesis',
+    'lz4': 'python3-lz4',
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
@@ -35,9 +37,9 @@ KEYS = {
     'yaml': 'python3-yaml',
 }
 # Known to PyPI alone: a comment in package.xml says so.
-WITHOUT_KEY = {'distributed', 'mcap', 'mpmath'}
+WITHOUT_KEY = {'aedat', 'distributed', 'evt3', 'mcap', 'mpmath', 'zstandard'}
 # Used where they are installed; nothing fails without them.
-OPTIONAL = {'cv2', 'event_camera_msgs'}
+OPTIONAL = {'cv2', 'dvs_msgs', 'event_camera_msgs', 'hdf5plugin'}
 PYPI_NAMES = {'PIL': 'Pillow', 'yaml': 'PyYAML'}
 # A message class that is imported by its name.
 MESSAGE_TYPE = re.compile(r'\w+/msg/\w+')

@@ -18,7 +18,8 @@ setup(
     ],
     install_requires=['dvs_common', 'numpy>=1.26'],
     extras_require={
-        'bags': ['rosbags>=0.11'],
+        'bags': ['rosbags>=0.11', 'PyYAML>=6.0', 'evt3>=0.4.1', 'lz4>=4.0', 'zstandard>=0.18'],
+        'files': ['aedat>=2.3', 'evt3>=0.4.1', 'h5py>=3.8'],
         'images': ['Pillow>=9.5'],
         'numba': ['numba>=0.59'],
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
@@ -31,6 +32,7 @@ setup(
     license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
+            'convert_events = dvs_event_camera.tools.convert_events:main',
             'event_camera = dvs_event_camera.event_camera_node:main',
             'packet_bridge = dvs_event_camera.tools.packet_bridge_node:main',
             'scene = dvs_event_camera.tools.scene_node:main',

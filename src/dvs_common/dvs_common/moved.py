@@ -39,7 +39,7 @@ dvs_event_camera dvs_event_camera.pixels hermite
 dvs_event_camera dvs_event_camera.pixels imperfect_comparator imperfections level_stages
 dvs_event_camera dvs_event_camera.pixels photoreceptor pixel_array
 dvs_event_camera dvs_event_camera.pixels pixel_events references signed_crossings silent_band
-dvs_event_camera dvs_event_camera.streams event_bag event_packet event_records event_sinks
+dvs_event_camera dvs_event_camera.streams event_packet event_records
 dvs_event_camera dvs_event_camera.streams image_source renderer
 dvs_event_camera dvs_event_camera.streams stream_statistics
 dvs_event_camera dvs_event_camera.tools event_show scenes show_events

@@ -19,6 +19,7 @@ from dvs_common.wire import topics
 from dvs_common.wire.events import EventPacket, make_events, parse_events
 from dvs_common.wire.messages import pack_image, parse_image
 from dvs_event_camera.streams.event_packet import pack_event_packet, parse_event_packet
+from dvs_event_camera.streams.packet_decoder import PacketDecoder
 
 MS = 1_000_000
 CAMERA = 'event_camera_node'
@@ -107,8 +108,8 @@ def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(grap
     assert np.argwhere(np.ptp(lit.astype(int), axis=2) > 60).tolist() == [[1, 2]]
     assert [dim.size for dim in sums[-1].layout.dim] == [4, 5]
     assert np.flatnonzero(sums[-1].data).tolist() == [7]
-    packet, _ = parse_event_packet(bytes(packets[-1]))
-    assert set(zip(packet.events['x'], packet.events['y'], strict=True)) == {(2, 1)}
+    packet = PacketDecoder().decode(parse_event_packet(bytes(packets[-1])))
+    assert set(zip(packet.x, packet.y, strict=True)) == {(2, 1)}
     assert 'noise' in parse_events(bytes(labels[-1])).events.dtype.names
 
     # Junk is refused, another size starts the sensor again, and both are told.
@@ -149,23 +150,23 @@ def test_wrong_combination_ends_with_one_clear_message(graph):
 def test_scene_to_camera_to_table(graph, tmp_path):
     table = tmp_path / 'events.csv'
     camera = graph.start(CAMERA, mode='realtime', event_threshold=0.2)
-    show = graph.start('show_events', '--csv', str(table), '--limit', '500')
-    scene = graph.start('scene_node', 'grating', '--size', '8x16', '--period', '8')
+    show = graph.start('tools.show_events', '--csv', str(table), '--limit', '500')
+    scene = graph.start('tools.scene_node', 'grating', '--size', '8x16', '--period', '8')
     code, _, err = show.wait()
     assert code == 0, err
     assert re.search(r'\d packets, \d+ events in \d', err) or 'no packet heard' in err
     assert scene.stop()[0] == 0
     assert camera.stop()[0] == 0
     columns = np.loadtxt(table, delimiter=',', skiprows=1, dtype=np.int64)
-    assert columns.shape == (500, 4)
-    assert columns[:, 0].max() <= 15
-    assert columns[:, 1].max() <= 7
-    assert np.all(np.diff(columns[:, 2]) >= 0)
-    assert set(columns[:, 3]) == {-1, 1}
+    assert columns.shape == (500, 5)
+    assert columns[:, 1].max() <= 15
+    assert columns[:, 2].max() <= 7
+    assert np.all(np.diff(columns[:, 0]) >= 0)
+    assert set(columns[:, 3]) == {0, 1}
 
 
 def test_bridge_takes_a_drivers_packets(graph):
-    bridge = graph.start('packet_bridge_node', stub=True)
+    bridge = graph.start('tools.packet_bridge_node', stub=True)
     heard = graph.hear(PointCloud2, 'events', topics.stream_qos())
     publisher = graph.node.create_publisher(String, 'events_packet', topics.stream_qos())
     graph.turn_until(lambda: publisher.get_subscription_count() > 0)
@@ -198,7 +199,7 @@ def test_bridge_takes_a_drivers_packets(graph):
 
 
 def test_bridge_without_the_message_package_says_so(graph):
-    code, _, err = graph.start('packet_bridge_node').wait()
+    code, _, err = graph.start('tools.packet_bridge_node').wait()
     assert code == 2, err
     assert 'event_camera_msgs' in err
     assert err.count('\n') == 1
@@ -208,7 +209,7 @@ def test_bridge_without_the_message_package_says_so(graph):
     'arguments', [['--size', 'big'], ['no_such_scene'], ['--rate', '0'], ['--frames', '-1']]
 )
 def test_scene_refuses_what_makes_no_sense(graph, arguments):
-    code, _, err = graph.start('scene_node', *arguments).wait()
+    code, _, err = graph.start('tools.scene_node', *arguments).wait()
     assert code == 2, err
     assert err.startswith('cannot start: ')
     assert 'Traceback' not in err

@@ -3,18 +3,16 @@
 import struct
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvs_common.wire.cdr import CdrWriter, MessageError
 from dvs_common.wire.events import EventPacket, make_events
 from dvs_event_camera.streams.event_packet import (
-    decode_mono,
     encode_mono,
     pack_event_packet,
     parse_event_packet,
 )
+from dvs_event_camera.streams.packet_decoder import PacketDecoder
 
 
 def packet_of(stamp_ns, times, x, y, polarity, width=640, first_index=0):
@@ -70,45 +68,13 @@ def test_there_and_back(events):
     events = sorted({(t, y, x): (t, y, x, on) for t, x, y, on in events}.values())
     stamp = 10**6 if events else 0
     t, y, x, on = zip(*events, strict=True) if events else ((), (), (), ())
-    packet = packet_of(stamp, t, x, y, [1 if o else -1 for o in on], first_index=11)
+    packet = packet_of(stamp, t, x, y, [1 if o else -1 for o in on])
     message = pack_event_packet(packet, height=480, width=640, sequence=2**40)
-    found, sequence = parse_event_packet(message, first_index=11)
-    assert sequence == 2**40
-    assert found.stamp_ns == (t[-1] if t else 0)
-    for field in ('x', 'y', 'index', 'polarity', 'sign'):
-        assert np.array_equal(found.events[field], packet.events[field])
-    assert np.array_equal(found.stamp_ns + found.events['t'], stamp + packet.events['t'])
-
-
-def test_packet_of_a_driver_is_put_in_order():
-    words = np.array([1 << 63 | 5 << 32 | 7, 2 << 32 | 7, 9 << 32 | 3], np.uint64)
-    packet = decode_mono(words, time_base=100, width=10, first_index=0)
-    assert packet.stamp_ns == 107
-    assert packet.events['x'].tolist() == [9, 2, 5]
-    assert packet.events['t'].tolist() == [-4, 0, 0]
-    assert packet.events['polarity'].tolist() == [-1, -1, 1]
-
-
-def test_what_is_not_mono_is_refused():
-    def message(encoding, data):
-        writer = CdrWriter()
-        writer.stamp(0)
-        writer.text('')
-        writer.u32(10)
-        writer.u32(10)
-        writer.u64(0)
-        writer.u64(0)
-        writer.text(encoding)
-        writer.u8(0)
-        writer.octets(data)
-        return writer.finish()
-
-    for broken in (message('evt3', b''), message('mono', b'1234567'), message('mono', b'')[:-2]):
-        with pytest.raises(MessageError):
-            parse_event_packet(broken)
-    outside = struct.pack('<Q', 10 << 32)
-    with pytest.raises(MessageError, match='x = 10'):
-        parse_event_packet(message('mono', outside))
-    long = struct.pack('<QQ', 0, 0xFFFFFFFF)
-    with pytest.raises(MessageError, match='spans'):
-        parse_event_packet(message('mono', long))
+    driver = parse_event_packet(message)
+    assert (driver.sequence, driver.width, driver.height) == (2**40, 640, 480)
+    assert driver.stamp_ns == (t[0] if t else 0)
+    found = PacketDecoder().decode(driver)
+    assert found.t.tolist() == list(t)
+    assert found.x.tolist() == list(x)
+    assert found.y.tolist() == list(y)
+    assert found.p.tolist() == list(on)

@@ -1,23 +1,19 @@
-"""`event_camera_msgs/EventPacket` with the `mono` encoding, as CDR bytes, both ways.
+"""`event_camera_msgs/EventPacket` as CDR bytes: read in any encoding, written in `mono`.
 
-The message of the drivers and tools of github.com/ros-event-camera. An event is a little-endian
-64-bit word: polarity in bit 63, y in bits 48 to 62, x in bits 32 to 47 and the nanoseconds since
-`time_base` in bits 0 to 31.
+The message of the drivers and tools of github.com/ros-event-camera. An event in `mono` is a
+little-endian 64-bit word: polarity in bit 63, y in bits 48 to 62, x in bits 32 to 47 and the
+nanoseconds since `time_base` in bits 0 to 31. `packet_decoder` decodes this and the others.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.nanoseconds import as_seconds
-from dvs_common.wire.cdr import CdrReader, CdrWriter, MessageError
-from dvs_common.wire.events import (
-    FRAME_ID,
-    LONGEST_INTERVAL_NS,
-    EventPacket,
-    make_events,
-)
+from dvs_common.wire.cdr import CdrReader, CdrWriter
+from dvs_common.wire.events import FRAME_ID, EventPacket
 
 MESSAGE_TYPE = 'event_camera_msgs/msg/EventPacket'
 _ENCODING = 'mono'
@@ -51,54 +47,6 @@ def encode_mono(packet: EventPacket) -> tuple[int, NDArray[np.uint64]]:
     return packet.stamp_ns + int(since[0]), words.astype('<u8')
 
 
-def decode_mono(
-    words: NDArray[np.uint64], *, time_base: int, width: int, first_index: int
-) -> EventPacket:
-    """Event packet of `mono` words, put in order; its stamp is that of the last event.
-
-    Parameters
-    ----------
-    words
-        One word an event, shape (E,).
-    time_base
-        Time from which the words count, ns; also the packet's stamp if there are no events.
-    width
-        Columns of the pixel array.
-    first_index
-        Running number of the first event.
-
-    Raises
-    ------
-    MessageError
-        If an event lies outside the width, or the packet spans more than INT32 nanoseconds.
-    """
-    words = words.astype(np.uint64)
-    x = (words >> 32 & 0xFFFF).astype(np.int64)
-    y = (words >> 48 & 0x7FFF).astype(np.int64)
-    times = (words & 0xFFFFFFFF).astype(np.int64) + time_base
-    if x.size and int(x.max()) >= width:
-        raise MessageError(f'event at x = {x.max()} lies outside the width of {width} pixels')
-    polarity = np.where(words >> 63 != 0, 1, -1).astype(np.int8)
-    pixel = y * width + x
-    order = np.lexsort((polarity, pixel, times))
-    times = times[order]
-    if times.size and int(times[-1] - times[0]) > LONGEST_INTERVAL_NS:
-        raise MessageError(
-            f'packet spans {as_seconds(times[-1] - times[0]):.3f} s, at most 2.1 s fit'
-        )
-    stamp_ns = int(times[-1]) if times.size else time_base
-    events = make_events(
-        times_ns=times,
-        pixels=pixel[order],
-        polarities=polarity[order],
-        signs=np.ones(times.size, np.int8),
-        width=width,
-        stamp_ns=stamp_ns,
-        first_index=first_index,
-    )
-    return EventPacket(stamp_ns=stamp_ns, events=events)
-
-
 def pack_event_packet(packet: EventPacket, *, height: int, width: int, sequence: int) -> bytes:
     """Serialized EventPacket; header stamp and `time_base` are the first event's time.
 
@@ -127,45 +75,67 @@ def pack_event_packet(packet: EventPacket, *, height: int, width: int, sequence:
     return writer.finish()
 
 
-def parse_event_packet(message: bytes, *, first_index: int = 0) -> tuple[EventPacket, int]:
-    """Events of a serialized EventPacket, in the time of its header stamp, and its number.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriverPacket:
+    """An EventPacket message, its events still encoded.
 
-    A driver's `time_base` counts from an epoch of its own; header stamp plus the time since
-    `time_base` is the driver's best estimate of ROS time, so that is what events are stamped with.
+    Parameters
+    ----------
+    stamp_ns
+        Header stamp, ROS time, ns.
+    height
+        Rows of the sensor.
+    width
+        Columns of the sensor.
+    sequence
+        Running number of the message.
+    time_base
+        Sensor time from which the events count, ns; 0 for `evt3`.
+    encoding
+        How the events are encoded.
+    big_endian
+        Byte order of the events.
+    data
+        Encoded events.
+    """
+
+    stamp_ns: int
+    height: int
+    width: int
+    sequence: int
+    time_base: int
+    encoding: str
+    big_endian: bool
+    data: memoryview
+
+
+def parse_event_packet(message: bytes) -> DriverPacket:
+    """Fields of a serialized EventPacket.
 
     Parameters
     ----------
     message
         CDR bytes.
-    first_index
-        Running number of the first event.
-
-    Returns
-    -------
-    packet, sequence
-        Events, and the running number of the message.
 
     Raises
     ------
     MessageError
-        If the encoding is not `mono`, little-endian, or the message is cut short.
+        If the message is cut short.
     """
     reader = CdrReader(message)
     stamp_ns = reader.stamp()
     reader.text()
-    reader.u32()
-    width = reader.u32()
-    sequence = reader.u64()
-    reader.u64()
-    encoding, big_endian, data = reader.text(), reader.u8(), reader.octets()
-    if encoding != _ENCODING or big_endian:
-        raise MessageError(
-            f'EventPacket encoding {encoding!r} must be mono, little-endian; the converter of '
-            'event_camera_tools makes mono of others'
-        )
-    if len(data) % 8:
-        raise MessageError(f'{len(data)} bytes of mono events are not a multiple of 8')
-    packet = decode_mono(
-        np.frombuffer(data, '<u8'), time_base=stamp_ns, width=width, first_index=first_index
+    return DriverPacket(
+        stamp_ns=stamp_ns,
+        height=reader.u32(),
+        width=reader.u32(),
+        sequence=reader.u64(),
+        time_base=_signed(reader.u64()),
+        encoding=reader.text(),
+        big_endian=bool(reader.u8()),
+        data=reader.octets(),
     )
-    return packet, sequence
+
+
+def _signed(value: int) -> int:
+    return value - 2**64 if value >= 2**63 else value

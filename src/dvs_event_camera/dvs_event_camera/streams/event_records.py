@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from dvs_common.wire.events import EVENT_DTYPE, LABELLED_EVENT_DTYPE, EventPacket, make_events
 from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.streams.sensor_events import SensorEvents
 
 # Events from which the compiled packer pays.
 _WORTH_COMPILING = 4096
@@ -57,6 +58,25 @@ def records_of(
             first_index=first_index,
         )
     return records if events.noise is None else _labelled(records, events.noise)
+
+
+def events_of(packet: EventPacket) -> SensorEvents:
+    """Events of a packet as columns, in absolute time.
+
+    Parameters
+    ----------
+    packet
+        Events, labelled or not. The sign of their references is left out.
+    """
+    events = packet.events
+    labelled = 'noise' in (events.dtype.names or ())
+    return SensorEvents(
+        t=packet.stamp_ns + events['t'].astype(np.int64),
+        x=np.array(events['x']),
+        y=np.array(events['y']),
+        p=(events['polarity'] > 0).astype(np.uint8),
+        noise=np.array(events['noise']) if labelled else None,
+    )
 
 
 def without_labels(packet: EventPacket) -> EventPacket:

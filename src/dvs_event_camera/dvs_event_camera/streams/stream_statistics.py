@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.wire.events import EventPacket
-from dvs_common.wire.index_watch import IndexWatch, Order
+from dvs_common.wire.index_watch import Order
+from dvs_event_camera.files.recording import Stretch
+from dvs_event_camera.streams.sensor_events import SensorEvents
 
 # Events a second that are better read one by one than by the million.
 _FEW = 1e4
@@ -88,53 +89,47 @@ class StreamStatistics:
     _SAME_CLOCK_S = 3600.0
 
     def __init__(self) -> None:
-        self._index = IndexWatch()
         self._last_ns: int | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Begin a new stretch; order and index go on."""
+        """Count anew; order goes on."""
         self._messages = self._events = self._on = self._lost = self._unordered = 0
         self._restarts = self._repeated = self._covered_ns = 0
         self._delays: list[float] = []
         self._receptions: list[float] = []
 
-    def add(self, packet: EventPacket, received_s: float | None = None) -> None:
-        """Take a packet.
+    def add(self, stretch: Stretch) -> None:
+        """Take a stretch.
 
         Parameters
         ----------
-        packet
-            The packet.
-        received_s
-            When it was received, s; None if that is not known.
+        stretch
+            Events that were recorded together.
         """
         self._messages += 1
-        if self._last_ns is not None and packet.stamp_ns < self._last_ns:
+        order = stretch.step.order
+        gone_back = self._last_ns is not None and stretch.end_ns < self._last_ns
+        if gone_back:
             self._last_ns = None
-        step = self._index.take(packet)
-        self._lost += step.lost
-        self._restarts += step.order is Order.GONE_BACK
-        self._repeated += step.order is Order.REPEATED
-        if received_s is not None:
-            self._receptions.append(received_s)
-            self._delays.append(received_s - as_seconds(packet.stamp_ns))
-        if len(packet.events) and step.order is not Order.REPEATED:
-            self._count(packet)
-        begin_ns = self._first_ns(packet) if self._last_ns is None else self._last_ns
-        self._covered_ns += packet.stamp_ns - begin_ns
-        self._last_ns = packet.stamp_ns
+        self._lost += stretch.step.lost
+        self._restarts += gone_back or order is Order.GONE_BACK
+        self._repeated += order is Order.REPEATED
+        if stretch.received_ns is not None:
+            self._receptions.append(as_seconds(stretch.received_ns))
+            if stretch.stamp_ns is not None:
+                self._delays.append(as_seconds(stretch.received_ns - stretch.stamp_ns))
+        begin_ns = int(stretch.events.t[0]) if len(stretch.events) else stretch.end_ns
+        if order is not Order.REPEATED:
+            self._count(stretch.events)
+        self._covered_ns += stretch.end_ns - (begin_ns if self._last_ns is None else self._last_ns)
+        self._last_ns = stretch.end_ns
 
-    def _first_ns(self, packet: EventPacket) -> int:
-        return packet.stamp_ns + (int(packet.events['t'][0]) if len(packet.events) else 0)
-
-    def _count(self, packet: EventPacket) -> None:
-        events = packet.events
-        times = events['t'].astype(np.int64)
+    def _count(self, events: SensorEvents) -> None:
         self._events += len(events)
-        self._on += int(np.count_nonzero(events['polarity'] > 0))
-        self._unordered += int(np.count_nonzero(np.diff(times) < 0))
-        if self._last_ns is not None and packet.stamp_ns + int(times[0]) < self._last_ns:
+        self._on += int(np.count_nonzero(events.p))
+        self._unordered += int(np.count_nonzero(events.t[1:] < events.t[:-1]))
+        if self._last_ns is not None and len(events) and events.t[0] < self._last_ns:
             self._unordered += 1
 
     def report(self) -> StreamReport:

@@ -7,13 +7,16 @@ import sys
 from collections.abc import Sequence
 
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
+from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
-from dvs_common.wire.events import INDEX_MODULUS, pack_events
-from dvs_event_camera.streams.event_packet import parse_event_packet
+from dvs_common.wire.events import pack_events
+from dvs_event_camera.streams.packet_bridge import PacketBridge
+from dvs_event_camera.streams.pixel_map import PixelMap
 from dvs_event_camera.tools.plain_node import run_plain_node
 
 _NOT_INSTALLED = 2
@@ -21,10 +24,7 @@ _DEPTH = 1000
 
 
 class PacketBridgeNode(Node):
-    """Takes EventPacket (`mono`) on `events_packet`; publishes `events`.
-
-    A driver does not know the sums of polarities that came before: a gap in its sequence numbers
-    becomes a gap in the running index, so that consumers see the loss.
+    """Takes EventPacket on `events_packet`; publishes `events`.
 
     Parameters
     ----------
@@ -34,32 +34,30 @@ class PacketBridgeNode(Node):
 
     def __init__(self, message_type: type) -> None:
         super().__init__('packet_bridge')
-        self._index = 0
-        self._next_sequence: int | None = None
+        self._bridge = PacketBridge(self._pixel_map())
         self._events = self.create_publisher(PointCloud2, topics.EVENTS, topics.stream_qos())
-        # Drivers publish best effort, which a reliable subscription would not hear.
+        # Drivers publish best effort, which a reliable subscription would not receive.
         qos = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.create_subscription(message_type, topics.EVENTS_PACKET, self._take, qos, raw=True)
 
+    def _pixel_map(self) -> PixelMap:
+        integers = Parameter.Type.INTEGER_ARRAY
+        return PixelMap(
+            region=tuple(self.declare_parameter('region', integers).value or ()),
+            binning=self.declare_parameter('binning', 1).value,
+            masked=tuple(self.declare_parameter('masked_pixels', integers).value or ()),
+        )
+
     def _take(self, message: bytes) -> None:
         try:
-            packet, sequence = parse_event_packet(message, first_index=self._index)
-        except MessageError as error:
+            packets = self._bridge.take(message)
+        except (MessageError, ParameterError) as error:
             self.get_logger().error(f'message refused: {error}', throttle_duration_sec=5.0)
             return
-        if self._next_sequence is not None and sequence != self._next_sequence:
-            missing = sequence - self._next_sequence
-            self.get_logger().warning(
-                f'{missing} packets lost before number {sequence}'
-                if missing > 0
-                else f'packet numbers go back to {sequence}: the driver started again',
-                throttle_duration_sec=5.0,
-            )
-            self._index = (self._index + 1) % INDEX_MODULUS
-            packet, _ = parse_event_packet(message, first_index=self._index)
-        self._next_sequence = sequence + 1
-        self._index = (self._index + len(packet.events)) % INDEX_MODULUS
-        self._events.publish(pack_events(packet))
+        if self._bridge.notice:
+            self.get_logger().warning(self._bridge.notice, throttle_duration_sec=5.0)
+        for packet in packets:
+            self._events.publish(pack_events(packet))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,21 +1,25 @@
-"""Tool `show_events`: x y t p of events as a table, live or from a bag, and their statistics."""
+"""Tool `show_events`: x y t p of events as a table, live or from a recording, and statistics."""
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from dvs_common.errors import ParameterError
-from dvs_common.wire.cdr import MessageError
-from dvs_common.wire.events import EventPacket
-from dvs_event_camera.streams.event_bag import bag_packets
-from dvs_event_camera.streams.event_sinks import CsvSink, EventSink, NpzSink, TextSink
+from dvs_common.errors import ParameterError, SuiteError
+from dvs_event_camera.files.damage import DamagedFile
+from dvs_event_camera.files.open_recording import open_recording
+from dvs_event_camera.files.recording import Recording
+from dvs_event_camera.files.writer_form import EventWriter
+from dvs_event_camera.files.writers import LazyWriter
 from dvs_event_camera.tools.event_show import EventShow
+from dvs_event_camera.tools.event_summary import EventSummary
+from dvs_event_camera.tools.event_table import EventTable
 
 _USAGE_ERROR = 2
 
@@ -33,8 +37,15 @@ def parse_arguments(arguments: Sequence[str]) -> argparse.Namespace:
         description='Print events as a table x y t p: column, row, time in ns, polarity. '
         'Statistics go to stderr.',
     )
-    parser.add_argument('bag', nargs='?', type=Path, help='rosbag2 folder; without it: live')
-    parser.add_argument('--topic', default='events', help='topic (default: events)')
+    parser.add_argument(
+        'file', nargs='?', type=Path, help='file of events or bag of ROS 2 or 1; without it: live'
+    )
+    parser.add_argument(
+        '--topic', help='topic (default: events live, the only one with events in a bag)'
+    )
+    parser.add_argument(
+        '--json', action='store_true', help='print one object that describes the file instead'
+    )
     parser.add_argument('--csv', type=Path, metavar='FILE', help='write a CSV file instead')
     parser.add_argument('--npz', type=Path, metavar='FILE', help='write a NumPy archive instead')
     parser.add_argument('--limit', type=int, metavar='N', help='stop after N events')
@@ -45,38 +56,30 @@ def parse_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def sinks_of(options: argparse.Namespace) -> list[EventSink]:
-    """Sinks that the command line asks for.
+def writers_of(options: argparse.Namespace, recording: Recording | None) -> list[EventWriter]:
+    """Writers that the command line asks for.
 
     Parameters
     ----------
     options
         From `parse_arguments`.
+    recording
+        What is shown; None for live events.
     """
-    sinks: list[EventSink] = []
-    if options.csv:
-        sinks.append(CsvSink(options.csv))
-    if options.npz:
-        sinks.append(NpzSink(options.npz))
-    if not sinks and not options.quiet:
-        sinks.append(TextSink(sys.stdout))
-    return sinks
-
-
-def show_bag(packets: Iterator[tuple[float, EventPacket]], show: EventShow) -> None:
-    """Show the packets of a bag.
-
-    Parameters
-    ----------
-    packets
-        From `bag_packets`.
-    show
-        Where they go.
-    """
-    for received_s, packet in packets:
-        show.add(packet, received_s)
-        if show.done:
-            return
+    writers: list[EventWriter] = [
+        LazyWriter(
+            path,
+            name,
+            width=recording.width if recording else 0,
+            height=recording.height if recording else 0,
+            whole_microseconds=recording is not None and recording.whole_microseconds,
+        )
+        for name, path in (('csv', options.csv), ('npz', options.npz))
+        if path
+    ]
+    if not writers and not options.quiet and not options.json:
+        writers.append(EventTable(sys.stdout))
+    return writers
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -97,8 +100,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `show_events BAG | head` is how people look
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ParameterError, MessageError) as error:
+    except SuiteError as error:
         print(f'show_events: {error}', file=sys.stderr)
+        return error.exit_code
     except OSError as error:
         print(f'show_events: {error.filename}: {error.strerror}', file=sys.stderr)
     return _USAGE_ERROR
@@ -108,18 +112,45 @@ def _show(options: argparse.Namespace, command_line: Sequence[str]) -> int:
     for name, value in (('limit', options.limit), ('seconds', options.seconds)):
         if value is not None and not 0 <= value < math.inf:
             raise ParameterError(name, value, 'must be a finite number >= 0')
-    sinks = sinks_of(options)
-    show = EventShow(sinks, options.limit, options.seconds)
+    if options.json and not options.file:
+        raise ParameterError('json', True, 'needs a file')
+    recording = open_recording(options.file, options.topic) if options.file else None
+    writers = writers_of(options, recording)
+    summary = EventSummary()
+    show = EventShow(
+        [*writers, *([summary] if options.json else [])], options.limit, options.seconds
+    )
     exit_code = 0
+    damage = None
     try:
-        if options.bag:
-            show_bag(bag_packets(options.bag, options.topic), show)
+        if recording:
+            damage = _show_recording(recording, show)
         else:
             # Only here ROS is needed.
             live = importlib.import_module('dvs_event_camera.tools.show_events_node')
-            exit_code = live.show_live(options.topic, show, command_line)
+            exit_code = live.show_live(options.topic or 'events', show, command_line)
     finally:
-        for sink in sinks:
-            sink.close()
-    print(show.statistics.report(), file=sys.stderr)
+        for writer in writers:
+            writer.close()
+    if options.json and recording:
+        found = summary.as_dict(
+            encoding=recording.encoding, width=recording.width, height=recording.height
+        )
+        print(json.dumps(found))
+    else:
+        print(show.statistics.report(), file=sys.stderr)
+    if damage:
+        raise damage
     return exit_code
+
+
+def _show_recording(recording: Recording, show: EventShow) -> DamagedFile | None:
+    """Show a recording as far as it can be read; return what is wrong with it."""
+    try:
+        for stretch in recording.read():
+            show.add(stretch)
+            if show.done:
+                break
+    except DamagedFile as damage:
+        return damage
+    return None

@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2
 
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
-from dvs_common.wire.events import parse_events
+from dvs_event_camera.files.bag_recording import CloudDecoder
 from dvs_event_camera.tools.event_show import EventShow
 from dvs_event_camera.tools.plain_node import run_plain_node
 
@@ -32,12 +32,13 @@ class ShowEventsNode(Node):
     def __init__(self, topic: str, show: EventShow) -> None:
         super().__init__('show_events')
         self._show = show
+        self._decoder = CloudDecoder()
         self._next_report = time.monotonic() + _REPORT_S
         self.create_subscription(PointCloud2, topic, self._take, topics.stream_qos(), raw=True)
 
     def _take(self, message: bytes) -> None:
         try:
-            self._show.add(parse_events(message), time.time())
+            self._show.add(self._decoder.decode(message, time.time_ns()))
         except MessageError as error:
             self.get_logger().error(f'message refused: {error}', throttle_duration_sec=5.0)
 

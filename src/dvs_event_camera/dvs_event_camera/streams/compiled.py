@@ -1,0 +1,35 @@
+"""Modules of compiled kernels: imported late, since numba takes a second, and without a cache if
+there is no place for one."""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from dvs_common.errors import ParameterError
+
+
+def compiled(module: str) -> Any:
+    """Import a module of kernels.
+
+    Parameters
+    ----------
+    module
+        Full name.
+
+    Raises
+    ------
+    ParameterError
+        If numba is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise ParameterError('module', module, 'needs the Python package numba') from None
+    except RuntimeError:
+        # Neither the package's folder nor the user's can be written to.
+        numba = importlib.import_module('numba')
+        numba.config.CACHE_DIR = str(Path(tempfile.gettempdir()) / 'dvs_numba_cache')
+        return importlib.import_module(module)
