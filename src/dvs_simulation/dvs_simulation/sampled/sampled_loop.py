@@ -7,7 +7,9 @@ a message up to a multiple of four bytes on its way.)
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -31,7 +33,10 @@ from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.running.event_controller import EventController
 from dvs_plant_sim.disturbance import disturbed
+from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.plant import Plant
+
+Optics = Callable[[FloatArray], FloatArray]
 
 _TOPICS = (LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE)
 
@@ -52,13 +57,19 @@ class SampledRun:
     design: Design
 
 
-def run_sampled(scenario: Scenario) -> SampledRun:
+def run_sampled(
+    scenario: Scenario, *, plant: Dynamics | None = None, luminosity: Optics | None = None
+) -> SampledRun:
     """Run a scenario in lockstep at its `sampling_period`, without ROS.
 
     Parameters
     ----------
     scenario
         Checked parameters.
+    plant
+        Plant at its initial state; None for the linear one of the scenario.
+    luminosity
+        What every pixel sees of a state, (n,) to (r,); None for ``c'(x + dx_i)``.
 
     Raises
     ------
@@ -78,14 +89,11 @@ def run_sampled(scenario: Scenario) -> SampledRun:
         design=design,
         messages={name: [] for name in _TOPICS},
     )
-    plant = disturbed(
-        Plant(
-            model,
-            initial_state=scenario.initial_state,
-            period_ns=scenario.sampling_period_ns,
-        ),
-        scenario,
+    linear = Plant(
+        model, initial_state=scenario.initial_state, period_ns=scenario.sampling_period_ns
     )
+    moving = disturbed(plant or linear, scenario)
+    sees = luminosity or partial(scenario.scene.luminosity, model)
     camera = EventCamera.of_scenario(scenario)
     controller = EventController(
         design.problem,
@@ -95,23 +103,23 @@ def run_sampled(scenario: Scenario) -> SampledRun:
     )
     for sample in range(scenario.sample_count + 1):
         stamp_ns = sample * scenario.sampling_period_ns
-        image = _publish_sample(run, scenario, plant.state, stamp_ns)
+        state = moving.state
+        image = _publish_sample(run, scenario, state, sees(state), stamp_ns)
         packets = _expose(run, camera, image)
         command = _command(run, controller, packets)
         if sample < scenario.sample_count:
-            plant.advance(scenario.sampling_period_ns, command)
+            moving.advance(scenario.sampling_period_ns, command)
     return run
 
 
 def _publish_sample(
-    run: SampledRun, scenario: Scenario, state: FloatArray, stamp_ns: int
+    run: SampledRun, scenario: Scenario, state: FloatArray, luminosity: FloatArray, stamp_ns: int
 ) -> bytes:
-    model, scene = scenario.model, scenario.scene
-    luminosity = scene.luminosity(model, state)
+    scene = scenario.scene
     if scenario.sensor.photoreceptor == 'log' and luminosity.min() <= 0:
         luminosity = _nonphysical(scenario, luminosity, stamp_ns)
     image = pack_image(stamp_ns, luminosity.reshape(scene.height, scene.width), '64FC1')
-    names = tuple(f'x{i + 1}' for i in range(model.state_count))
+    names = tuple(f'x{i + 1}' for i in range(state.size))
     run.messages[LUMINOSITY].append(image)
     run.messages[STATE].append(pack_state(Vector(stamp_ns=stamp_ns, names=names, values=state)))
     return image
