@@ -78,7 +78,7 @@ def test_ten_random_starts_end_regulated():
 
 
 def test_the_node_takes_the_place_of_the_plant(domain, tmp_path):
-    result = run_closed_loop(SCENARIO, domain, tmp_path, '--duration', '2')
+    result = run_closed_loop(SCENARIO, domain, tmp_path, '--duration', '1.5')
 
     assert 'cart_pole: regulated' in result.stdout, result.stdout + result.stderr
     assert (tmp_path / 'cart_pole' / 'figure.png').is_file()
