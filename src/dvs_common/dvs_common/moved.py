@@ -16,9 +16,10 @@ from types import ModuleType
 
 # Old package, new package, and the modules that kept their own name.
 _ROOMS = """
-dvs_closed_loop dvs_closed_loop.bags bag bag_storage recorded_run recording streams
+dvs_closed_loop dvs_closed_loop.bags bag bag_recorder_node bag_storage recorded_run recording
+dvs_closed_loop dvs_closed_loop.bags streams
 dvs_closed_loop dvs_closed_loop.commands dashboard latency play record report
-dvs_closed_loop dvs_closed_loop.dashboard dashboard_server live_view
+dvs_closed_loop dvs_closed_loop.dashboard dashboard_node dashboard_server live_view
 dvs_closed_loop dvs_closed_loop.reports report_page
 dvs_closed_loop dvs_closed_loop.running closed_loop composed_loop launch_plan loop_parameters
 dvs_closed_loop dvs_closed_loop.running loop_plan loop_progress
@@ -27,6 +28,7 @@ dvs_closed_loop dvs_common.wire index_watch
 dvs_closed_loop dvs_simulation exact output_folder paper plotting sweep
 dvs_closed_loop dvs_simulation.judging figure trace verdict
 dvs_closed_loop dvs_simulation.sampled sampled_loop
+dvs_closed_loop.commands dvs_simulation.commands reproduce_paper simulate sweep
 dvs_closed_loop.exact dvs_simulation.exact automaton compilation kernel layout loop modes
 dvs_closed_loop.exact dvs_simulation.exact run_figure signals trajectory
 dvs_closed_loop.paper dvs_simulation.paper animation corrections counterexample experiments figures
@@ -42,7 +44,8 @@ dvs_event_camera dvs_event_camera.pixels pixel_events references signed_crossing
 dvs_event_camera dvs_event_camera.streams event_packet event_records
 dvs_event_camera dvs_event_camera.streams image_source renderer
 dvs_event_camera dvs_event_camera.streams stream_statistics
-dvs_event_camera dvs_event_camera.tools event_show scenes show_events
+dvs_event_camera dvs_event_camera.tools event_show packet_bridge_node scene_node scenes
+dvs_event_camera dvs_event_camera.tools show_events show_events_node
 dvs_hinf_controller dvs_hinf_controller.analysis hinf_norm mu peak_gain sampling sector thresholds
 dvs_hinf_controller dvs_hinf_controller.design bode_figure design design_file design_report
 dvs_hinf_controller dvs_hinf_controller.design design_tool start_up
@@ -59,6 +62,8 @@ dvs_interfaces dvs_common.wire cdr events keyframe messages stamped topics
 _RENAMED = {
     'dvs_hinf_controller.reduced': 'dvs_hinf_controller.synthesis.one_pixel_plant',
     'dvs_hinf_controller.reduction': 'dvs_hinf_controller.synthesis.order_reduction',
+    'dvs_plant_sim.lockstep_node': 'dvs_plant_sim.lockstep_driver',
+    'dvs_plant_sim.realtime_node': 'dvs_plant_sim.realtime_driver',
 }
 
 

@@ -19,7 +19,7 @@ SCENARIO = Scenario.from_values(
         'event_threshold': H,
         'reference_lower': [1.0],
         'reference_upper': [1.2],
-        'set_point': [1.0, 0.0],
+        'set_point': [0.5, -0.2],
         'tolerance': 0.05,
     }
 )
@@ -32,7 +32,7 @@ def run(errors, *, ratios=0.0, luminosity=(2.0, 3.0, 4.0)):
     """Trace with these errors of the state, and estimates off by these shares of the bound."""
     luminosity = np.array(luminosity)
     samples = [
-        ([1.0, error], luminosity, luminosity * (1 + BOUND * np.broadcast_to(ratio, 3)))
+        ([0.5, error - 0.2], luminosity, luminosity * (1 + BOUND * np.broadcast_to(ratio, 3)))
         for error, ratio in zip(errors, np.broadcast_to(ratios, len(errors)), strict=True)
     ]
     return decode_trace(recorded(samples, events_per_sample=3))
@@ -112,7 +112,7 @@ def test_counts_and_rates():
 
 
 def test_skipped_samples_are_counted():
-    messages = recorded([([1.0, 0.0], [2.0] * 3, [2.0] * 3)] * 10)
+    messages = recorded([([0.5, -0.2], [2.0] * 3, [2.0] * 3)] * 10)
     late = {topic: [*stream[:4], *stream[7:]] for topic, stream in messages.items()}
 
     verdict = judged(decode_trace(late))

@@ -14,6 +14,7 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import SuiteError
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.scenario.model import Equilibrium
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
@@ -27,6 +28,7 @@ from dvs_common.wire.messages import (
 from dvs_common.wire.stamped import stamp_of
 from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.analysis.sector import sector
+from dvs_simulation.judging.measures import error, largest, sector_ratio, silent_below
 
 _SAMPLES_A_FRAME = 12
 _EVENTS_A_FRAME = 400
@@ -55,6 +57,7 @@ class LiveView:
         self._marks: deque[tuple[float, int, int, int]] = deque()
         self._scenario: Scenario | None = None
         self._bound: FloatArray | None = None
+        self._equilibrium: Equilibrium | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -144,7 +147,7 @@ class LiveView:
             **self._figures(wall_s),
         }
         if self._scenario is not None:
-            frame['scenario'] = _described(self._scenario)
+            frame['scenario'] = _described(self._scenario, self._equilibrium)
         return frame
 
     # -- what is known of the scenario ----------------------------------------------------------
@@ -153,7 +156,9 @@ class LiveView:
         if scenario is None or scenario == self._scenario:
             return
         self._scenario = scenario
+        self._equilibrium = self._bound = None
         try:
+            self._equilibrium = scenario.equilibrium
             self._bound = np.asarray(
                 sector(
                     scenario.model_reference_bounds,
@@ -162,7 +167,8 @@ class LiveView:
                 ).error_bound
             )
         except SuiteError:
-            self._bound = None
+            # What does not fit together is refused by the nodes; the rest of the page goes on.
+            return
 
     # -- time -----------------------------------------------------------------------------------
 
@@ -187,13 +193,13 @@ class LiveView:
     # -- signals --------------------------------------------------------------------------------
 
     def _errors(self, states: list[Any]) -> list[list[float]]:
-        if self._scenario is None:
+        held = self._equilibrium
+        if held is None:
             return []
-        target = np.array(self._scenario.objective.set_point)
         return [
-            [self._seconds(v.stamp_ns), float(f'{np.linalg.norm(v.values - target):.6g}')]
+            [self._seconds(v.stamp_ns), float(f'{error(v.values, held):.6g}')]
             for v in states
-            if len(v.values) == len(target)
+            if v.values.shape == held.state.shape
         ]
 
     def _pixel_samples(
@@ -232,10 +238,7 @@ class LiveView:
         scenario, bound = self._scenario, self._bound
         if scenario is None or bound is None or bound.size not in (1, y.size):
             return None
-        ratios = np.abs(z - y) / (bound * np.maximum(np.abs(y), 1e-300))
-        if scenario.sensor.photoreceptor == 'signed_log':
-            ratios = ratios[np.abs(y) >= scenario.sensor.dead_band]
-        ratio = float(ratios.max(initial=0.0))
+        ratio = largest(sector_ratio(y, z, error_bound=bound, dead_band=silent_below(scenario)))
         return round(ratio, 5) if math.isfinite(ratio) else None
 
     def _event_marks(self, packets: list[EventPacket]) -> Frame:
@@ -286,10 +289,10 @@ def _rounded(values: FloatArray) -> list[float]:
     return [float(f'{value:.6g}') for value in values.tolist()]
 
 
-def _described(scenario: Scenario) -> Frame:
+def _described(scenario: Scenario, equilibrium: Equilibrium | None) -> Frame:
     height, width = scenario.pixels.pixel_grid
     return {
-        'set_point': list(scenario.objective.set_point),
+        'set_point': equilibrium.state.tolist() if equilibrium else None,
         'tolerance': scenario.objective.tolerance,
         'event_threshold': scenario.sensor.event_threshold,
         'pixels': height * width,

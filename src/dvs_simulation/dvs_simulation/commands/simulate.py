@@ -19,12 +19,12 @@ from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_simulation import plotting
 from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
 from dvs_simulation.exact.run_figure import run_figure
-from dvs_simulation.exact.signals import sector_ratios
+from dvs_simulation.exact.signals import judged
+from dvs_simulation.judging.measures import Judgement, error, settled_from
 from dvs_simulation.output_folder import output_folder
 
 # Samples of y and z that the sector is checked on; more pixels have fewer samples.
 _MOST_SECTOR_VALUES = 4_000_000
-_ROUNDING = 1e-9
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,10 +92,11 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
         loop,
         duration=duration,
         sample_times=np.linspace(0, duration, count),
-        tail_start=duration * 2 / 3,
+        tail_start=settled_from(duration),
     )
     seconds = time.process_time() - started
-    result = exact_result(name, design, loop, trajectory, cpu_seconds=seconds)
+    judgement = judged(loop, trajectory, tolerance=design.problem.tolerance)
+    result = exact_result(name, design, loop, trajectory, judgement, cpu_seconds=seconds)
     write_text(output / 'result.json', json.dumps(result, indent=2) + '\n')
     with plotting.in_style():
         plotting.save_figure(
@@ -106,11 +107,17 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
             dpi=120,
         )
     print(_summary(result, output))
-    return 0 if result['regulated'] and result['sector_ratio_max'] <= 1 + _ROUNDING else 1
+    return 0 if judgement.passed else 1
 
 
 def exact_result(
-    name: str, design: Design, loop: ClosedLoop, trajectory: Trajectory, *, cpu_seconds: float
+    name: str,
+    design: Design,
+    loop: ClosedLoop,
+    trajectory: Trajectory,
+    judgement: Judgement,
+    *,
+    cpu_seconds: float,
 ) -> dict[str, Any]:
     """Figures of an exact run, as in `result.json`.
 
@@ -123,24 +130,23 @@ def exact_result(
     loop
         What ran.
     trajectory
-        What came out, with samples and a tail from two thirds of the run on.
+        What came out.
+    judgement
+        What decides on it.
     cpu_seconds
         CPU time of the simulation, s.
     """
-    tail, outcome = trajectory.tail, trajectory.outcome
-    limsup = tail.peak_bound if tail and outcome.completed else float('inf')
-    error = np.linalg.norm(trajectory.states - loop.equilibrium.state, axis=1)
-    tolerance = design.problem.tolerance
+    outcome, limsup = trajectory.outcome, judgement.limsup_error
     return {
         'scenario': name,
         'mode': 'exact',
-        'regulated': limsup < tolerance,
+        'regulated': judgement.regulated,
         'outcome': outcome.status,
         'message': outcome.message,
-        'tolerance': tolerance,
-        'final_error': float(error[-1]),
+        'tolerance': judgement.tolerance,
+        'final_error': float(error(trajectory.states, loop.equilibrium)[-1]),
         'limsup_error': limsup if np.isfinite(limsup) else None,
-        'sector_ratio_max': float(sector_ratios(loop, trajectory).max()),
+        'sector_ratio_max': judgement.sector_ratio_max,
         'pixels': loop.pixel_count,
         'events': trajectory.event_count,
         'events_per_pixel': trajectory.event_count / loop.pixel_count,

@@ -11,6 +11,7 @@ from dvs_simulation import plotting
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.signals import estimates_at, luminosities
 from dvs_simulation.exact.trajectory import Trajectory
+from dvs_simulation.judging.measures import error
 
 _MOST_MARKS = 50_000
 
@@ -32,8 +33,8 @@ def run_figure(loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: st
     figure, axes = plotting.new_figure(11, 7.6, rows=2, columns=2)
     figure.suptitle(title)
     times = run.sample_time
-    error = np.linalg.norm(run.states - loop.equilibrium.state, axis=1)
-    axes[0, 0].semilogy(times, np.maximum(error, 1e-12), color=plotting.BLUE, lw=1.2)
+    errors = error(run.states, loop.equilibrium)
+    axes[0, 0].semilogy(times, np.maximum(errors, 1e-12), color=plotting.BLUE, lw=1.2)
     plotting.draw_tolerance(axes[0, 0], tolerance)
     axes[0, 0].set(xlabel='time t [s]', ylabel=r'$\|x - x_d\|$ [unit of x]', title='Error')
     axes[0, 0].legend(loc='upper right')

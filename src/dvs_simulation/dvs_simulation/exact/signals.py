@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import threshold_step
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.trajectory import Trajectory
+from dvs_simulation.judging.measures import Judgement, largest, sector_ratio
 
 
 def counts_at(
@@ -79,7 +78,7 @@ def luminosities(loop: ClosedLoop, states: FloatArray) -> FloatArray:
 def sector_ratios(loop: ClosedLoop, run: Trajectory) -> FloatArray:
     """``|z - y| / (delta_z |y|)`` at the samples of a run, shape (k, r); at most 1 (Lemma 4).
 
-    Inside the dead band of a `signed_log` pixel, where Lemma 4 is silent, the ratio is 0.
+    Not a number inside the dead band of a `signed_log` pixel, of which Lemma 4 does not speak.
 
     Parameters
     ----------
@@ -88,8 +87,28 @@ def sector_ratios(loop: ClosedLoop, run: Trajectory) -> FloatArray:
     run
         Run with samples.
     """
-    y = luminosities(loop, run.states)
-    z = estimates_at(loop, run, run.sample_time)
-    outside = np.abs(y) > (loop.dead_band if loop.photoreceptor == 'signed_log' else 0.0)
-    bound = np.where(outside, loop.sector().error_bound * np.abs(y), math.inf)
-    return np.asarray(np.abs(z - y) / bound)
+    return sector_ratio(
+        luminosities(loop, run.states),
+        estimates_at(loop, run, run.sample_time),
+        error_bound=loop.sector().error_bound,
+        dead_band=loop.dead_band if loop.photoreceptor == 'signed_log' else 0.0,
+    )
+
+
+def judged(loop: ClosedLoop, run: Trajectory, *, tolerance: float) -> Judgement:
+    """What decides on a run with samples and a tail; its error is bounded at every instant.
+
+    Parameters
+    ----------
+    loop
+        The loop that ran.
+    run
+        What came out.
+    tolerance
+        eps.
+    """
+    return Judgement(
+        tolerance=tolerance,
+        limsup_error=run.limsup_bound,
+        sector_ratio_max=largest(sector_ratios(loop, run)),
+    )

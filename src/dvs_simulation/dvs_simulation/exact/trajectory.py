@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -118,3 +119,18 @@ class Trajectory:
     tail: Tail | None
     outcome: Outcome
     evaluations: int
+
+    @property
+    def limsup(self) -> float:
+        """Largest error of the tail that was attained; infinite if the run broke off."""
+        return self.tail.peak if self.tail and self.outcome.completed else math.inf
+
+    @property
+    def limsup_bound(self) -> float:
+        """Bound on the error at every instant of the tail; infinite if the run broke off."""
+        return self.tail.peak_bound if self.tail and self.outcome.completed else math.inf
+
+    @property
+    def mean_error(self) -> float:
+        """Mean error of the tail; infinite if the run broke off."""
+        return self.tail.mean if self.tail and self.outcome.completed else math.inf

@@ -11,6 +11,7 @@ import numpy as np
 from dvs_common.drawing import Axes, Figure, MaxNLocator, drawing
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import whole_file
+from dvs_simulation.judging.measures import error, sector_ratio, silent_below
 from dvs_simulation.judging.trace import Trace
 from dvs_simulation.judging.verdict import Verdict
 
@@ -75,7 +76,7 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
 
 
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
-    errors = np.linalg.norm(trace.states - np.array(scenario.objective.set_point), axis=1)
+    errors = error(trace.states, scenario.equilibrium)
     axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
     if np.any(errors > 0):
         axes.set_yscale('log')
@@ -88,7 +89,7 @@ def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) 
 
 
 def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
-    centre = np.array(scenario.objective.set_point)
+    centre = scenario.equilibrium.state
     if centre.size < 2:
         axes.plot(trace.times_s, trace.states[:, 0], color=BLUE, lw=1.2)
         for bound in centre[0] + scenario.objective.tolerance * np.array([-1, 1]):
@@ -172,10 +173,10 @@ def _draw_command(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict
 
 
 def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
-    relative = np.abs(trace.estimates - trace.luminosities) / np.abs(trace.luminosities)
-    if scenario.sensor.photoreceptor == 'signed_log':
-        relative[np.abs(trace.luminosities) < scenario.sensor.dead_band] = np.nan
-    axes.plot(trace.times_s, np.nanmax(relative, axis=1), color=BLUE, lw=0.9)
+    relative = sector_ratio(
+        trace.luminosities, trace.estimates, error_bound=1.0, dead_band=silent_below(scenario)
+    )
+    axes.plot(trace.times_s, np.fmax.reduce(relative, axis=1), color=BLUE, lw=0.9)
     axes.axhline(verdict.delta_z, color=VERMILION, ls='--', lw=1, label='sector bound delta_z')
     axes.legend(loc='lower right', frameon=False)
     axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|', title='Relative error of the estimate')

@@ -7,17 +7,20 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import write_text
 from dvs_hinf_controller.analysis.sector import sector
+from dvs_simulation.judging.measures import (
+    Judgement,
+    error,
+    largest,
+    sector_ratio,
+    settled_from,
+    silent_below,
+)
 from dvs_simulation.judging.trace import Trace
-
-# Rounding of log, exp and the thresholds; the sector bound itself leaves no room.
-SECTOR_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +38,7 @@ class Verdict:
     tolerance
         eps.
     final_error
-        ``||x - x_d||`` at the last sample.
+        ``||x - x_d||`` at the last sample, x_d being the equilibrium that is regulated to.
     limsup_error
         Largest ``||x - x_d||`` over the last third of the run.
     sector_ratio_max
@@ -86,12 +89,20 @@ class Verdict:
     @property
     def sector_held(self) -> bool:
         """Whether the bound of Lemma 4 held at every sample."""
-        return self.sector_ratio_max <= 1 + SECTOR_ROUNDING
+        return self._judgement.sector_held
 
     @property
     def passed(self) -> bool:
         """Whether the run regulated and the sector bound held."""
-        return self.regulated and self.sector_held
+        return self._judgement.passed
+
+    @property
+    def _judgement(self) -> Judgement:
+        return Judgement(
+            tolerance=self.tolerance,
+            limsup_error=self.limsup_error,
+            sector_ratio_max=self.sector_ratio_max,
+        )
 
     def save(self, path: Path) -> None:
         """Write `result.json`.
@@ -156,18 +167,21 @@ def judge(
     bounds
         Bounds m, M of q(0); those around the first luminosity for None.
     """
-    errors = np.linalg.norm(trace.states - np.array(scenario.objective.set_point), axis=1)
-    settled = trace.times_s >= trace.times_s[-1] * (2 / 3)
-    limsup = float(errors[settled].max())
+    errors = error(trace.states, scenario.equilibrium)
+    judgement = Judgement(
+        tolerance=scenario.objective.tolerance,
+        limsup_error=float(errors[trace.times_s >= settled_from(trace.times_s[-1])].max()),
+        sector_ratio_max=largest(sector_ratios(trace, scenario, bounds)),
+    )
     cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
     return Verdict(
         scenario=name,
-        regulated=limsup < scenario.objective.tolerance,
+        regulated=judgement.regulated,
         interrupted=interrupted,
-        tolerance=scenario.objective.tolerance,
+        tolerance=judgement.tolerance,
         final_error=float(errors[-1]),
-        limsup_error=limsup,
-        sector_ratio_max=float(sector_ratios(trace, scenario, bounds).max(initial=0.0)),
+        limsup_error=judgement.limsup_error,
+        sector_ratio_max=judgement.sector_ratio_max,
         delta_z=float(_error_bound(trace, scenario, bounds).max()),
         pixels=pixels,
         events=len(trace.events),
@@ -185,7 +199,7 @@ def judge(
 def sector_ratios(
     trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None = None
 ) -> FloatArray:
-    """``|z - y| / (delta_z |y|)`` at every sample and pixel outside the dead band, flat (Lemma 4).
+    """``|z - y| / (delta_z |y|)`` at every sample and pixel, shape (K, r) (Lemma 4).
 
     Parameters
     ----------
@@ -196,15 +210,12 @@ def sector_ratios(
     bounds
         Bounds m, M of q(0); those around the first luminosity for None.
     """
-    bound = _error_bound(trace, scenario, bounds)
-    y = trace.luminosities
-    # No estimate is in the sector of y = 0: the ratio is infinite, or the pixel is silent.
-    with np.errstate(divide='ignore', invalid='ignore'):
-        ratios: FloatArray = np.abs(trace.estimates - y) / (bound * np.abs(y))
-    if scenario.sensor.photoreceptor == 'signed_log':
-        outside = np.abs(y) >= float(scenario.sensor.dead_band)
-        return np.asarray(ratios[outside])
-    return ratios.ravel()
+    return sector_ratio(
+        trace.luminosities,
+        trace.estimates,
+        error_bound=_error_bound(trace, scenario, bounds),
+        dead_band=silent_below(scenario),
+    )
 
 
 def _error_bound(trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None) -> FloatArray:

@@ -15,6 +15,7 @@ from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
 from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
 from dvs_simulation.exact.signals import luminosities, sector_ratios
+from dvs_simulation.judging.measures import error, largest
 from dvs_simulation.paper.counterexample import misled_controller
 from dvs_simulation.paper.published import Example, platform_scenario, scenario
 
@@ -44,7 +45,7 @@ class Experiment:
     @property
     def error(self) -> FloatArray:
         """``||x - x_d||`` at the samples."""
-        return np.asarray(np.linalg.norm(self.run.states - self.loop.equilibrium.state, axis=1))
+        return error(self.run.states, self.loop.equilibrium)
 
     @property
     def luminosity(self) -> FloatArray:
@@ -54,7 +55,7 @@ class Experiment:
     @property
     def sector_ratio(self) -> float:
         """Largest ``|z - y| / (delta_z |y|)`` at the samples outside the dead band."""
-        return float(sector_ratios(self.loop, self.run).max())
+        return largest(sector_ratios(self.loop, self.run))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +194,7 @@ def limsup(loop: ClosedLoop) -> float:
         The loop.
     """
     run = simulate(loop, duration=40.0, tail_start=20.0, tail_step=0.02, record_events=False)
-    return run.tail.peak if run.tail and run.outcome.completed else math.inf
+    return run.limsup
 
 
 def worst_case_gain(experiment: Experiment, frequencies: FloatArray) -> FloatArray:

@@ -167,9 +167,6 @@ def _watched(case: RandomCase, loop: ClosedLoop) -> Trajectory:
 
 
 def _row(seed: int, case: RandomCase, loop: ClosedLoop, run: Trajectory) -> Row:
-    completed = run.outcome.completed and run.tail is not None
-    peak = run.tail.peak if completed and run.tail else float('nan')
-    bound = run.tail.peak_bound if completed and run.tail else float('nan')
     return {
         'seed': seed,
         'method': case.method,
@@ -182,9 +179,9 @@ def _row(seed: int, case: RandomCase, loop: ClosedLoop, run: Trajectory) -> Row:
         'h_certified': case.figures.h_certified,
         'h_star': case.figures.h_star,
         'status': run.outcome.status,
-        'limsup': peak,
-        'limsup_bound': bound,
-        'ratio': bound / case.problem.tolerance,
+        'limsup': run.limsup,
+        'limsup_bound': run.limsup_bound,
+        'ratio': run.limsup_bound / case.problem.tolerance,
         'events': run.event_count,
     }
 

@@ -86,7 +86,6 @@ def run_pixels_task(*, count: int, threshold: float, runs: int, seed: int) -> li
             tail_step=0.01,
             record_events=False,
         )
-        tail = run.tail if run.outcome.completed else None
         rows.append(
             {
                 'pixels': count,
@@ -94,8 +93,8 @@ def run_pixels_task(*, count: int, threshold: float, runs: int, seed: int) -> li
                 'h': threshold,
                 'h_star': design.figures.h_star,
                 'status': run.outcome.status,
-                'limsup': tail.peak if tail else float('inf'),
-                'mean': tail.mean if tail else float('inf'),
+                'limsup': run.limsup,
+                'mean': run.mean_error,
                 'events': run.event_count,
             }
         )

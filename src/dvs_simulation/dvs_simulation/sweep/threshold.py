@@ -10,6 +10,7 @@ from dvs_common.errors import ParameterError
 from dvs_hinf_controller.design.design import Design, design_controller
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_simulation.exact import ClosedLoop, simulate
+from dvs_simulation.judging.measures import regulated
 from dvs_simulation.paper.published import scenario
 from dvs_simulation.sweep.study import Row, Study, Task
 
@@ -160,7 +161,6 @@ def _row(design: Design, loop: ClosedLoop) -> Row:
         record_events=False,
         max_events=200_000,
     )
-    tail = run.tail if run.outcome.completed else None
     return {
         'method': design.method,
         'pixels': loop.pixel_count,
@@ -169,8 +169,8 @@ def _row(design: Design, loop: ClosedLoop) -> Row:
         'h_certified': design.figures.h_certified,
         'tolerance': design.problem.tolerance,
         'status': run.outcome.status,
-        'limsup': tail.peak if tail else float('inf'),
-        'mean': tail.mean if tail else float('inf'),
+        'limsup': run.limsup,
+        'mean': run.mean_error,
     }
 
 
@@ -188,7 +188,11 @@ def critical_thresholds(rows: list[dict[str, str]]) -> list[CriticalThreshold]:
             mine = [r for r in rows if r['method'] == method and int(r['pixels']) == pixels]
             if not mine:
                 continue
-            broken = [float(r['h']) for r in mine if float(r['limsup']) > float(r['tolerance'])]
+            broken = [
+                float(r['h'])
+                for r in mine
+                if not regulated(float(r['limsup']), float(r['tolerance']))
+            ]
             result.append(
                 CriticalThreshold(
                     method=method,
