@@ -19,6 +19,7 @@ setup(
     install_requires=['dvs_common', 'numpy>=1.26', 'scipy>=1.11'],
     extras_require={
         'control': ['control>=0.10'],
+        'numba': ['numba>=0.59'],
         'plot': ['matplotlib>=3.6'],
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
         'test': [
