@@ -11,8 +11,11 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.scenario.sensor_parameters import SensorParameters
 from dvs_common.wire.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
+from dvs_event_camera.pixels.event_flood import MOST_EVENTS, EventFlood
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.photoreceptor import (
     LinLogPhotoreceptor,
@@ -25,8 +28,8 @@ from dvs_event_camera.pixels.pixel_events import PixelEvents
 from dvs_event_camera.streams.event_records import records_of
 from dvs_event_camera.streams.image_source import LuminosityFrame
 
-# Noise events between two frames; beyond, a clock has jumped and not a sensor slept.
-_MOST_NOISE = 1e7
+# Who leaves the uncertainty at its default says nothing about (A1), and no pixel may violate it.
+_UNSTATED_UNCERTAINTY = SensorParameters().reference_uncertainty
 # Time that one packet covers, so that the INT32 nanoseconds before its stamp do not overflow.
 _PACKET_SPAN_NS = LONGEST_INTERVAL_NS
 
@@ -124,6 +127,11 @@ class EventCamera:
         return self._invalid_before + current
 
     @property
+    def waiting_pixels(self) -> int:
+        """Pixels that have had no light yet."""
+        return 0 if self._pixels is None else self._pixels.waiting_pixels
+
+    @property
     def event_count(self) -> int:
         """Running number of the next event."""
         return self._index
@@ -167,11 +175,15 @@ class EventCamera:
             If the frame starts the sensor and violates (A1).
         """
         pixels = self._pixels
-        if pixels is None or self._restart_reason(pixels, frame):
-            return self._start(frame)
+        reason = '' if pixels is None else self._restart_reason(pixels, frame)
+        if pixels is None or reason:
+            return self._start(frame, reason)
         if frame.stamp_ns == pixels.stamp_ns:
             return None
-        events = pixels.update(frame.stamp_ns, frame.pixels)
+        try:
+            events = pixels.update(frame.stamp_ns, frame.pixels)
+        except EventFlood as flood:
+            return self._start(frame, str(flood))
         return Exposure(
             packets=self._packets(frame.stamp_ns, events),
             events=events,
@@ -179,8 +191,7 @@ class EventCamera:
             restart_reason='',
         )
 
-    def _start(self, frame: LuminosityFrame) -> Exposure:
-        reason = self._restart_reason(self._pixels, frame) if self._pixels else ''
+    def _start(self, frame: LuminosityFrame, reason: str) -> Exposure:
         pixels = self._make_pixels(frame.pixels.reshape(-1).astype(np.float64), frame.darkest)
         pixels.update(frame.stamp_ns, frame.pixels)
         self._invalid_before = self.invalid_samples
@@ -205,7 +216,8 @@ class EventCamera:
             )
         seconds = 0.0 if last_ns is None else as_seconds(frame.stamp_ns - last_ns)
         noise = self._noise_rate * frame.pixels.size * seconds
-        if noise > _MOST_NOISE:
+        # Beyond, a clock has jumped and not a sensor slept.
+        if noise > MOST_EVENTS:
             return f'the stamps jump by {seconds:.6g} s, which {noise:.3g} noise events would fill'
         return ''
 
@@ -277,6 +289,12 @@ def imperfections_of_scenario(scenario: Scenario) -> Imperfections:
     )
 
 
+def _stated_bounds(scenario: Scenario, luminosity: FloatArray) -> ReferenceBounds | None:
+    """Bounds that the parameters state; None where they follow from the first sample."""
+    stated = scenario.sensor.reference_lower or scenario.sensor.reference_upper
+    return scenario.reference_bounds(luminosity) if stated else None
+
+
 def pixels_of_scenario(
     scenario: Scenario,
     luminosity: FloatArray,
@@ -310,8 +328,9 @@ def pixels_of_scenario(
         event_threshold=scenario.sensor.event_threshold,
         log_base=scenario.sensor.log_base,
         photoreceptor=receptor,
-        bounds=scenario.reference_bounds(receptor.floored(luminosity)) if bounds else None,
+        bounds=_stated_bounds(scenario, luminosity) if bounds else None,
         reference_uncertainty=scenario.sensor.reference_uncertainty,
+        strict_start=scenario.sensor.reference_uncertainty != _UNSTATED_UNCERTAINTY,
         initial_reference=scenario.sensor.initial_reference,
         seed=scenario.loop.seed,
         interpolation=scenario.camera.interpolation,

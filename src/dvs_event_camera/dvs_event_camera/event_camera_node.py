@@ -158,6 +158,7 @@ class EventCameraNode(ManagedNode):
         if exposure.started:
             self._moved = np.zeros(frame.pixels.size)
             self._announce_threshold(frame.stamp_ns, self._scenario.sensor.event_threshold)
+            self._report_waiting(frame)
         if self._next_threshold is not None:
             self._announce_change(frame.stamp_ns, self._next_threshold)
         for packet in exposure.packets:
@@ -240,6 +241,13 @@ class EventCameraNode(ManagedNode):
                 'last value; counted in /diagnostics, not said again'
             )
 
+    def _report_waiting(self, frame: LuminosityFrame) -> None:
+        if waiting := self._camera.waiting_pixels:
+            self.get_logger().warning(
+                f'{waiting} of {frame.pixels.size} pixels have no light (<= 0, NaN or infinite) '
+                'in the first frame: each of them starts with its first luminosity'
+            )
+
     # -- for those who look -----------------------------------------------------------------------
 
     def _draw(self, exposure: Exposure, stamp_ns: int) -> None:
@@ -272,6 +280,7 @@ class EventCameraNode(ManagedNode):
                 'frames sent again': self._resent,
                 'restarts': self._restarts,
                 'pixel samples without a logarithm': self._camera.invalid_samples,
+                'pixels without light yet': self._camera.waiting_pixels,
                 'size': '{} x {}'.format(*self._camera.shape),
                 'age of luminosity [s]': f'{self.silence_s(self._source):.3f}',
                 'h': self._scenario.sensor.event_threshold,

@@ -1,5 +1,9 @@
 """The compiled comparator against the NumPy one: the same events, bit for bit."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -93,3 +97,21 @@ def test_machine_without_numba_falls_back_or_says_so(monkeypatch):
     PixelArray(event_threshold=0.1, backend='auto').update(0, np.ones(5000))
     with pytest.raises(ParameterError, match='numba'):
         PixelArray(event_threshold=0.1, backend='numba').update(0, [1.0])
+
+
+def test_numba_that_may_not_compile_gives_way_to_numpy():
+    code = (
+        'import numpy as np\n'
+        'from dvs_event_camera.pixels.pixel_array import PixelArray\n'
+        'array = PixelArray(event_threshold=0.15)\n'
+        'array.update(0, np.full(5000, 100.0))\n'
+        'print(len(array.update(10**6, np.full(5000, 200.0))))\n'
+    )
+    found = subprocess.run(
+        [sys.executable, '-c', code],
+        env={**os.environ, 'NUMBA_DISABLE_JIT': '1'},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (found.stdout, found.stderr) == ('20000\n', '')

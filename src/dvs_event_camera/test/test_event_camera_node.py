@@ -113,7 +113,7 @@ def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(grap
     assert 'noise' in parse_events(bytes(labels[-1])).events.dtype.names
 
     # Junk is refused, another size starts the sensor again, and both are told.
-    publisher.publish(pack_image(stamp + MS, np.zeros((4, 5, 2), np.uint8), 'yuv422'))
+    publisher.publish(pack_image(stamp + MS, np.zeros((4, 5, 2), np.uint8), 'yuv420'))
     publisher.publish(b'\x00\x01\x00\x00 rubbish')
     publisher.publish(pack_image(stamp + MS, np.full((2, 2), 50, np.uint8), 'mono8'))
 
@@ -125,7 +125,7 @@ def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(grap
     code, _, err = camera.stop(signal.SIGTERM)
     assert code == 0, err
     assert 'from 4 x 5 to 2 x 2' in err
-    assert 'yuv422' in err
+    assert 'yuv420' in err
     assert 'Traceback' not in err
 
 

@@ -204,14 +204,6 @@ def test_start_that_could_fire_is_refused_with_pixel_and_numbers():
         PixelArray(event_threshold=1.0, log_base=2.0, bounds=bounds).update(0, [1.0])
 
 
-def test_start_without_light_is_refused():
-    with pytest.raises(ParameterError, match='pixel 1'):
-        PixelArray(event_threshold=0.1).update(0, [1.0, 0.0])
-    bounds = ReferenceBounds(lower=[1.0, 1.0], upper=[1.0, 1.0])
-    with pytest.raises(ParameterError, match='pixel 1 has no logarithm'):
-        PixelArray(event_threshold=0.1, bounds=bounds).update(0, [1.0, -1.0])
-
-
 def test_reference_outside_its_bounds_is_refused():
     bounds = ReferenceBounds(lower=[1.01], upper=[1.05])
     with pytest.raises(ParameterError, match='initial_reference'):

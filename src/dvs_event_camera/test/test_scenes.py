@@ -7,7 +7,8 @@ import pytest
 
 from dvs_common.errors import ParameterError
 from dvs_event_camera.pixels.pixel_array import PixelArray
-from dvs_event_camera.tools.scenes import SCENES, Scene, recorded_frames, synthetic_frames
+from dvs_event_camera.tools.recordings import open_recording, recorded_frames
+from dvs_event_camera.tools.scenes import SCENES, Scene, synthetic_frames
 
 SCENE = Scene(height=24, width=32, speed=100.0, frequency=5.0, period=16.0)
 
@@ -54,8 +55,52 @@ def test_folder_of_pictures(tmp_path):
 def test_source_that_is_none(tmp_path):
     with pytest.raises(ParameterError, match='no pictures'):
         recorded_frames(tmp_path)
-    with pytest.raises(ParameterError, match='grating'):
+    with pytest.raises(ParameterError, match='a folder of pictures'):
         recorded_frames(tmp_path / 'nothing')
+
+
+def picture_file(path, pixels):
+    image = pytest.importorskip('PIL.Image')
+    image.fromarray(pixels).save(path)
+
+
+def test_numbered_pictures_come_in_the_order_of_their_numbers(tmp_path):
+    for number in (1, 2, 9, 10, 11, 100):
+        picture_file(tmp_path / f'f{number}.png', np.full((2, 3), number, np.uint8))
+    found = [int(frame[0, 0]) for frame in recorded_frames(tmp_path)]
+    assert found == [1, 2, 9, 10, 11, 100]
+
+
+def test_folder_brings_its_own_stamps(tmp_path):
+    for number in range(3):
+        picture_file(tmp_path / f'{number}.png', np.full((2, 3), number, np.uint8))
+    (tmp_path / 'timestamps.txt').write_text('0.5\n0.54\n0.6\n')
+    stamps = [stamp for stamp, _ in open_recording(tmp_path).stamped()]
+    assert stamps == [0, 40_000_000, 100_000_000]
+    (tmp_path / 'images.csv').write_text('# stamp, name\n100, 2.png\n350, 0.png\n')
+    stamped = [(stamp, int(frame[0, 0])) for stamp, frame in open_recording(tmp_path).stamped()]
+    assert stamped == [(0, 2), (250, 0)]
+
+
+@pytest.mark.parametrize('text', ['0.1\n0.2\n', '0.1\n0.2\n0.2\n', '0.1\nsoon\n0.3\n'])
+def test_stamps_that_do_not_fit_their_pictures_are_refused(tmp_path, text):
+    for number in range(3):
+        picture_file(tmp_path / f'{number}.png', np.full((2, 3), number, np.uint8))
+    (tmp_path / 'timestamps.txt').write_text(text)
+    with pytest.raises(ParameterError, match='source'):
+        open_recording(tmp_path)
+
+
+def test_video_has_the_rate_of_its_file(tmp_path):
+    cv2 = pytest.importorskip('cv2')
+    path = tmp_path / 'v.avi'
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*'MJPG'), 25.0, (32, 24), False)
+    for k in range(5):
+        writer.write(np.full((24, 32), 40 + 20 * k, np.uint8))
+    writer.release()
+    stamped = list(open_recording(path).stamped())
+    assert [stamp for stamp, _ in stamped] == [0, 40_000_000, 80_000_000, 120_000_000, 160_000_000]
+    assert np.allclose([frame.mean() for _, frame in stamped], 40 + 20 * np.arange(5), atol=3)
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,7 @@ class ImageHead:
 
 
 _known_images: Memo[ImageHead] = Memo()
+_CHROMA_BELOW = ('nv12', 'nv21')
 
 
 def image_head(message: bytes) -> ImageHead:
@@ -184,7 +185,9 @@ def _read_image_head(message: bytes) -> ImageHead:
         step=reader.u32(),
     )
     size = reader.u32()
-    if size != form.height * form.step:
+    rows = form.height * form.step
+    # Some drivers count the rows of luma alone where rows of chroma follow them.
+    if size != rows and not (form.encoding in _CHROMA_BELOW and 2 * size == 3 * rows):
         raise MessageError(
             f'{form.height} rows of {form.step} bytes do not fit {size} bytes of data'
         )

@@ -21,6 +21,7 @@ from dvs_event_camera.pixels.crossings import (
     join,
     linear_crossings,
 )
+from dvs_event_camera.pixels.event_flood import require_bounded
 from dvs_event_camera.pixels.pixel_events import KEY_BITS, PixelEvents
 
 # Pixels from which compiling (once, then cached) and importing numba pays.
@@ -36,6 +37,17 @@ class Comparator(Protocol):
     @property
     def counts(self) -> CountArray:
         """N, the sum of polarities so far, shape (r,)."""
+
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
+        """Start pixels that had no light before, at rest on their references.
+
+        Parameters
+        ----------
+        pixels
+            Pixels, shape (k,); the array has set their first references already.
+        levels
+            Their levels, or luminosities where the comparator takes those, shape (k,).
+        """
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval.
@@ -57,6 +69,11 @@ class Comparator(Protocol):
             Levels at the end of the interval, shape (k,); may be overwritten.
         first_pixel
             Index of the tile's first pixel.
+
+        Raises
+        ------
+        EventFlood
+            If the interval has too many events; the comparators are of no use any more.
         """
 
     def finish(self) -> PixelEvents:
@@ -94,9 +111,14 @@ class NumpyComparator:
         """Levels of the last sample in steps above the first references, shape (r,)."""
         return self._previous
 
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
+        """Start pixels; see `Comparator.start_pixels`."""
+        self._previous[pixels] = 0.0
+
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `Comparator.begin`."""
         self._start_ns, self._duration_ns = start_ns, duration_ns
+        self._expected = 0.0
         self._parts: list[RawEvents] = []
 
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
@@ -107,6 +129,7 @@ class NumpyComparator:
         previous = self._previous[tile]
         if not self._is_quiet(levels, self._counts[tile]):
             self.invalid += hold_invalid(levels, previous)
+            self._expect(levels, self._counts[tile])
             events = self._crossings(previous, levels, first_pixel)
             if events.elapsed.size:
                 self._parts.append(events)
@@ -115,6 +138,10 @@ class NumpyComparator:
     def _is_quiet(self, levels: FloatArray, counts: CountArray) -> bool:
         """Whether all levels are valid and none has moved by a threshold."""
         return bool(np.maximum.reduce(np.abs(levels - counts)) < 1.0)
+
+    def _expect(self, levels: FloatArray, counts: CountArray) -> None:
+        self._expected += float(np.floor(np.abs(levels - counts)).sum())
+        require_bounded(self._expected, float(np.abs(levels).max()))
 
     def _crossings(self, previous: FloatArray, current: FloatArray, first_pixel: int) -> RawEvents:
         return linear_crossings(
@@ -191,6 +218,7 @@ class NumbaComparator(NumpyComparator):
             )
             found = found[done:]
             if found.size:
+                require_bounded(needed)
                 grown = np.empty(max(needed, 2 * self._keys.size), np.int64)
                 grown[: self._used] = self._keys[: self._used]
                 self._keys = grown

@@ -13,8 +13,10 @@ BACKENDS = ('auto', 'numba', 'numpy')
 
 @cache
 def kernels() -> Any | None:
-    """Module `crossings_numba`; None if numba is not installed or finds no place for its cache."""
+    """Module `crossings_numba`; None if numba is not installed or may not compile."""
     try:
+        if importlib.import_module('numba').config.DISABLE_JIT:
+            return None
         return importlib.import_module('dvs_event_camera.pixels.crossings_numba')
     except (ImportError, RuntimeError):
         return None
@@ -43,5 +45,9 @@ def kernels_for(backend: str, size: int, *, worth: int) -> Any | None:
         return None
     found = kernels()
     if found is None and backend == 'numba':
-        raise ParameterError('backend', backend, 'needs the Python package numba')
+        raise ParameterError(
+            'backend',
+            backend,
+            'needs the Python package numba, which NUMBA_DISABLE_JIT must not forbid to compile',
+        )
     return found

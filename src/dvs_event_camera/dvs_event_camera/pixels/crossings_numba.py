@@ -11,6 +11,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from dvs_event_camera.pixels.event_flood import MOST_STEPS as _MOST_STEPS
+
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
 def find_news(levels: Any, origin: Any, counts: Any, step: float, mask: Any, found: Any) -> int:
@@ -53,7 +55,7 @@ def find_news(levels: Any, origin: Any, counts: Any, step: float, mask: Any, fou
             # No branch for the processor to guess wrong, unlike an `if` on every pixel.
             for i in range(8 * word, 8 * word + 8):
                 found[number] = i
-                number += mask[i]
+                number += int(mask[i])
     return number
 
 
@@ -111,9 +113,12 @@ def fire(
             invalid[0] += 1
             continue
         up = end > before
-        after = np.int32(np.floor(end) if up else np.ceil(end))
+        rest = np.floor(end) if up else np.ceil(end)
         polarity = 1 if up else -1
-        rungs = abs(after - before)
+        if abs(rest) > _MOST_STEPS:
+            return place, used, int(min(abs(rest), 1e18))
+        after = np.int32(rest)
+        rungs = abs(int(after) - before)
         if used + rungs > keys.size:
             return place, used, used + rungs
         counts[i] = after

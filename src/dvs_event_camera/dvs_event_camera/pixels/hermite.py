@@ -37,6 +37,11 @@ class HermiteComparator(NumpyComparator):
         self._oldest = self._previous.copy()
         self._durations: list[int] = []
 
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
+        """Start pixels; see `comparators.Comparator.start_pixels`."""
+        super().start_pixels(pixels, levels)
+        self._older[pixels] = self._oldest[pixels] = 0.0
+
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `comparators.Comparator.begin`."""
         super().begin(start_ns, duration_ns)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_nanoseconds, as_seconds
 from dvs_event_camera.pixels.crossings import CountArray, hold_invalid
+from dvs_event_camera.pixels.event_flood import require_bounded
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
@@ -71,9 +72,14 @@ class ImperfectComparator:
         """N, the sum of polarities so far, shape (r,)."""
         return self._on - self._off
 
+    def start_pixels(self, pixels: IndexArray, levels: FloatArray) -> None:
+        """Start pixels; see `comparators.Comparator.start_pixels`."""
+        self._previous[pixels] = levels
+
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `comparators.Comparator.begin`."""
         self._start_ns, self._duration_ns = start_ns, duration_ns
+        self._expected = 0.0
         self._shots.draw(duration_ns)
         self._found: list[tuple[IndexArray, IndexArray, NDArray[np.int8], NDArray[np.bool_]]] = []
 
@@ -89,8 +95,18 @@ class ImperfectComparator:
         news |= self._shots.hit[tile]
         pixel = np.flatnonzero(news) + first_pixel
         if pixel.size:
+            self._expect(pixel, levels[pixel - first_pixel])
             self._rounds(pixel, previous[pixel - first_pixel], levels[pixel - first_pixel])
         previous[:] = levels
+
+    def _expect(self, pixel: IndexArray, levels: FloatArray) -> None:
+        smallest = np.minimum(self.on_thresholds[pixel], self.off_thresholds[pixel])
+        events = np.abs(levels - self._references(pixel)) / smallest
+        if self._refractory_ns:
+            events = np.minimum(events, 1 + self._duration_ns / self._refractory_ns)
+        self._expected += float(np.floor(events).sum())
+        farthest = np.abs(levels - self._origin[pixel]) / smallest
+        require_bounded(self._expected, float(farthest.max()))
 
     def _references(self, pixel: IndexArray | slice) -> FloatArray:
         # on theta_on - off theta_off, written so that it depends on the sum of polarities alone

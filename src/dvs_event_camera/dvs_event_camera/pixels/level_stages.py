@@ -18,6 +18,19 @@ _DARKEST_CUTOFF = 0.1
 class LevelStage(Protocol):
     """Changes the levels of a tile in place."""
 
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
+        """Start pixels that had no light before.
+
+        Parameters
+        ----------
+        pixels
+            Pixels, shape (k,).
+        levels
+            Their first levels, shape (k,).
+        elapsed_ns
+            Time since the first sample of the array, ns.
+        """
+
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int
     ) -> None:
@@ -57,6 +70,10 @@ class LowPass:
         self._rate = 2 * math.pi * cutoff_frequency
         self._full = cutoff_luminosity
 
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
+        """Rest at the first level; see `LevelStage.start_pixels`."""
+        self._input[pixels] = self._output[pixels] = levels
+
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int
     ) -> None:
@@ -94,6 +111,10 @@ class Leak:
         self._step = step
         self._phase = np.where(rates > 0, rng.random(rates.size), 0.0)
 
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
+        """Begin to leak; see `LevelStage.start_pixels`."""
+        self._phase[pixels] -= self._rates[pixels] * as_seconds(elapsed_ns)
+
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int
     ) -> None:
@@ -129,6 +150,13 @@ class DeadPixels:
     def __init__(self, levels: FloatArray, dead: NDArray[np.int64]) -> None:
         self._dead = dead
         self._frozen = levels[dead]
+
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
+        """Freeze at the first level; see `LevelStage.start_pixels`."""
+        place = np.searchsorted(self._dead, pixels)
+        known = place < self._dead.size
+        known[known] = self._dead[place[known]] == pixels[known]
+        self._frozen[place[known]] = levels[known]
 
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int

@@ -13,6 +13,7 @@ from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
 from dvs_event_camera.pixels.comparators import Comparator, NumpyComparator, ideal_comparator
 from dvs_event_camera.pixels.delay_line import DelayLine
+from dvs_event_camera.pixels.event_flood import EventFlood
 from dvs_event_camera.pixels.hermite import HermiteComparator
 from dvs_event_camera.pixels.imperfect_comparator import ImperfectComparator, NoiseLabels
 from dvs_event_camera.pixels.imperfections import Imperfections
@@ -21,6 +22,7 @@ from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photorecepto
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 from dvs_event_camera.pixels.references import (
     initial_references,
+    narrowed,
     reference_levels,
     require_silent_start,
 )
@@ -55,6 +57,9 @@ class PixelArray:
         dy of the bounds around the first sample, in the unit of luminosity (unused with `bounds`).
     initial_reference
         `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start.
+    strict_start
+        Whether a pixel that `reference_uncertainty` would let fire at the first sample is an
+        error; otherwise its reference is its first luminosity.
     seed
         Of every random draw.
     interpolation
@@ -81,6 +86,7 @@ class PixelArray:
         bounds: ReferenceBounds | None = None,
         reference_uncertainty: float = 0.0,
         initial_reference: str = 'luminosity',
+        strict_start: bool = True,
         seed: int = 0,
         interpolation: str = 'linear_log',
         imperfections: Imperfections | None = None,
@@ -98,9 +104,11 @@ class PixelArray:
         self._explicit_bounds = bounds
         self._uncertainty = reference_uncertainty
         self._initial_reference = initial_reference
+        self._strict_start = strict_start
         self._seed = seed
         self._backend = backend
         self._stamp_ns: int | None = None
+        self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
         self._silent_frame: list[float] | None = None
         self._comparator: Comparator
 
@@ -136,6 +144,11 @@ class PixelArray:
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
         return self._invalid_before + self._comparator.invalid
+
+    @property
+    def waiting_pixels(self) -> int:
+        """Pixels that have had no light yet and start with their first luminosity."""
+        return int(self._waiting.size)
 
     def require_changeable_threshold(self) -> None:
         """Raise `ParameterError` unless the threshold of these pixels can change on the way."""
@@ -181,7 +194,8 @@ class PixelArray:
         """Take the next sample and return the events since the last one.
 
         The first sample starts the array: it checks (A1), sets the references and emits nothing.
-        Where a later sample has no meaning to the photoreceptor the pixel keeps its last value.
+        Where a later sample has no meaning to the photoreceptor the pixel keeps its last value;
+        where the first one has none, the pixel starts with its first luminosity.
 
         Parameters
         ----------
@@ -199,6 +213,8 @@ class PixelArray:
         ------
         ParameterError
             If the first sample violates (A1), or a later one is not later or has another size.
+        EventFlood
+            If the interval has too many events; the next sample starts the array again.
         """
         sample = np.asarray(luminosity).reshape(-1)
         if self._stamp_ns is None:
@@ -213,12 +229,35 @@ class PixelArray:
             raise ParameterError(
                 'stamp_ns', stamp_ns, f'must be later than the last, {self._stamp_ns}'
             )
-        if self._band is None:
-            events = self._expose(stamp_ns, sample)
-        else:
-            events = self._expose_small(self._band, stamp_ns, sample)
+        if self._waiting.size:
+            self._start_waiting(stamp_ns, sample)
+        try:
+            if self._band is None:
+                events = self._expose(stamp_ns, sample)
+            else:
+                events = self._expose_small(self._band, stamp_ns, sample)
+        except EventFlood:
+            self._stamp_ns = None
+            raise
         self._stamp_ns = stamp_ns
         return events
+
+    def _start_waiting(self, stamp_ns: int, sample: NDArray[np.generic]) -> None:
+        """Start the pixels that see their first light in this sample, at rest on it."""
+        light = self._receptor.floored(sample[self._waiting].astype(np.float64))
+        levels = self._receptor.levels(light.copy())
+        lit = np.isfinite(levels)
+        if not lit.any():
+            return
+        self._catch_up()
+        pixels, light, levels = self._waiting[lit], light[lit], levels[lit]
+        self._waiting = self._waiting[~lit]
+        self._origin[pixels] = levels
+        for stage in self._stages:
+            stage.start_pixels(pixels, levels, stamp_ns - self._first_ns)
+        signed = self._receptor.dead_band is not None
+        self._comparator.start_pixels(pixels, light if signed else levels)
+        self._band = self._silent_band()
 
     def _expose_small(
         self, band: SilentBand, stamp_ns: int, sample: NDArray[np.generic]
@@ -274,14 +313,26 @@ class PixelArray:
 
     def _start(self, sample: FloatArray) -> None:
         sample = self._receptor.floored(sample)
-        bounds = self._explicit_bounds or ReferenceBounds.around(sample, self._uncertainty)
+        dark = ~np.isfinite(self._receptor.levels(sample.copy()))
+        self._waiting = np.flatnonzero(dark)
+        bounds = self._explicit_bounds
+        if dark.any():
+            # Something to compute with, until the pixel sees light.
+            stand_in = 1.0 + 2 * self._uncertainty if bounds is None else bounds.lower
+            sample = np.where(dark, stand_in, sample)
+        bounds = bounds or self._bounds_around(sample)
         require_silent_start(bounds, sample, self._receptor, self._step)
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
-        self._origin = reference_levels(self._receptor, references)
+        self._origin = np.array(reference_levels(self._receptor, references))
         self._build(sample)
         self._scratch = np.empty(min(_TILE, sample.size))
         self._band = self._silent_band()
+
+    def _bounds_around(self, sample: FloatArray) -> ReferenceBounds:
+        if self._strict_start:
+            return ReferenceBounds.around(sample, self._uncertainty)
+        return narrowed(sample, self._uncertainty, self._receptor, self._step)
 
     def _check_modes(self) -> None:
         if self._interpolation not in ('linear_log', 'hermite'):

@@ -29,10 +29,42 @@ def reference_levels(photoreceptor: Photoreceptor, reference: FloatArray) -> Flo
     return photoreceptor.levels(reference)
 
 
+def narrowed(
+    luminosity: FloatArray, uncertainty: float, photoreceptor: Photoreceptor, step: float
+) -> ReferenceBounds:
+    """Bounds around the first sample, without their width where (A1) would not hold.
+
+    Parameters
+    ----------
+    luminosity
+        First sample y(0), not zero and finite, shape (r,).
+    uncertainty
+        dy >= 0, in the unit of luminosity.
+    photoreceptor
+        How luminosity becomes a level.
+    step
+        Threshold as a change of the level, ``h ln b``.
+    """
+    magnitude = np.abs(luminosity)
+    level = reference_levels(photoreceptor, magnitude)
+    lower = np.where(magnitude > uncertainty, magnitude - uncertainty, magnitude)
+    upper = magnitude + uncertainty
+    fits = (
+        (magnitude > uncertainty)
+        & (level - reference_levels(photoreceptor, lower) < step)
+        & (reference_levels(photoreceptor, upper) - level < step)
+    )
+    return ReferenceBounds(
+        lower=np.where(fits, lower, magnitude), upper=np.where(fits, upper, magnitude)
+    )
+
+
 def require_silent_start(
     bounds: ReferenceBounds, luminosity: FloatArray, photoreceptor: Photoreceptor, step: float
 ) -> None:
     """Check (A1): whatever ``q(0)`` in ``[m, M]`` is, no pixel fires at the first sample.
+
+    Pixels whose luminosity has no level have no first sample yet.
 
     Parameters
     ----------
@@ -48,8 +80,7 @@ def require_silent_start(
     Raises
     ------
     ParameterError
-        If y(0) has no level, the number of pixels differs, or some pixel would fire; names the
-        pixel and the numbers.
+        If the number of pixels differs or some pixel would fire; names the pixel and the numbers.
     """
     if bounds.lower.size != luminosity.size:
         raise ParameterError(
@@ -58,21 +89,14 @@ def require_silent_start(
             f'must have {luminosity.size} entries, one a pixel',
         )
     level = photoreceptor.levels(luminosity)
-    if (bad := np.flatnonzero(~np.isfinite(level))).size:
-        i = int(bad[0])
-        raise ParameterError(
-            'luminosity',
-            float(luminosity[i]),
-            f'of pixel {i} has no logarithm at the first sample (paper, A1); {bad.size} of '
-            f'{level.size} pixels are so',
-        )
+    lit = np.isfinite(level)
     above = level - reference_levels(photoreceptor, bounds.lower)
     below = reference_levels(photoreceptor, bounds.upper) - level
     for name, limit, gap in (
         ('reference_lower', bounds.lower, above),
         ('reference_upper', bounds.upper, below),
     ):
-        if (bad := np.flatnonzero(~(gap < step))).size:
+        if (bad := np.flatnonzero(lit & ~(gap < step))).size:
             i = int(bad[0])
             raise ParameterError(
                 name,

@@ -22,6 +22,7 @@ from dvs_event_camera.pixels.crossings import (
     quantise,
     stamp,
 )
+from dvs_event_camera.pixels.event_flood import require_bounded
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 SignArray = NDArray[np.int8]
@@ -64,6 +65,7 @@ def signed_log_crossings(
         Length of the interval, ns.
     """
     v1 = (np.log(np.maximum(np.abs(current), band)) - origin) / step
+    require_bounded(float(np.floor(np.abs(v1 - counts)).sum()), float(np.abs(v1).max()))
     flips = (np.abs(current) >= band) & (np.where(current < 0, -1, 1) != signs)
     index = np.flatnonzero(flips | (v1 >= counts + 1.0) | (v1 <= counts - 1.0))
     if not index.size:
@@ -71,7 +73,9 @@ def signed_log_crossings(
     leg = _Interval(previous[index], current[index], origin[index], band, step, duration_ns)
     flips, before, old_signs = flips[index], counts[index], signs[index]
     # A pixel that flips goes down to the edge of the band first, and up again on the other side.
-    lowest = np.where(flips, quantise(leg.v_band, before), before).astype(np.int32)
+    edge = np.where(flips, leg.v_band, before)
+    require_bounded(float(np.floor(np.abs(edge - before)).sum()), float(np.abs(edge).max()))
+    lowest = quantise(edge, before)
     after = quantise(v1[index], lowest)
     new_signs = np.where(flips, -old_signs, old_signs).astype(np.int8)
     parts = [
@@ -167,6 +171,11 @@ class SignedComparator:
     def counts(self) -> CountArray:
         """N, the sum of polarities so far, shape (r,)."""
         return self._counts
+
+    def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
+        """Start pixels; see `comparators.Comparator.start_pixels`."""
+        self._previous[pixels] = levels
+        self.signs[pixels] = np.where(levels < 0, -1, 1)
 
     def begin(self, start_ns: int, duration_ns: int) -> None:
         """Start an interval; see `comparators.Comparator.begin`."""

@@ -13,23 +13,12 @@ from numpy.typing import NDArray
 from dvs_common.wire.cdr import CdrReader, MessageError
 from dvs_common.wire.messages import ImageHead, image_head
 from dvs_common.wire.stamped import Memo, stamp_of
+from dvs_event_camera.streams.encodings import Encoding, encoding_named, luma
 
-# Luma of ITU-R BT.601, which is what mono8 cameras and OpenCV call grey.
-_LUMA = {'r': 0.299, 'g': 0.587, 'b': 0.114, 'a': 0.0}
 # An integer says no more than "less than half a grey level" where it says 0.
 _DARKEST_INTEGER = 0.5
 # Coordinates of an event are 16 bits wide.
 _LARGEST_SIDE = 65536
-_SCALARS = {
-    '64FC1': 'f8',
-    '32FC1': 'f4',
-    'mono8': 'u1',
-    '8UC1': 'u1',
-    'mono16': 'u2',
-    '16UC1': 'u2',
-}
-_COLOURS = {'rgb8': 'rgb', 'bgr8': 'bgr', 'rgba8': 'rgba', 'bgra8': 'bgra'}
-ENCODINGS = (*_SCALARS, *_COLOURS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +48,7 @@ def parse_luminosity(message: bytes) -> LuminosityFrame:
     Parameters
     ----------
     message
-        CDR bytes of an image with the encoding 64FC1, 32FC1, mono8, mono16, rgb8, bgr8, rgba8 or
-        bgra8.
+        CDR bytes of an image in one of `encodings.ENCODINGS`.
 
     Raises
     ------
@@ -72,7 +60,9 @@ def parse_luminosity(message: bytes) -> LuminosityFrame:
         reading = _reading_of(image_head(message))
         _known.add(message, reading.start, reading)
     return LuminosityFrame(
-        stamp_ns=stamp_of(message), pixels=reading.pixels(message), darkest=reading.darkest
+        stamp_ns=stamp_of(message),
+        pixels=reading.pixels(message),
+        darkest=darkest_of(reading.encoding.dtype),
     )
 
 
@@ -82,26 +72,27 @@ class _Reading:
 
     start: int
     end: int
-    dtype: np.dtype[Any]
+    encoding: Encoding
     height: int
     width: int
     row_bytes: int
     used_bytes: int
-    channels: str
-    darkest: float
 
     def pixels(self, message: bytes) -> NDArray[Any]:
         """Luminosity, shape (height, width)."""
-        if self.row_bytes == self.used_bytes and not self.channels:
+        encoding = self.encoding
+        if self.row_bytes == self.used_bytes and encoding.samples == 1:
             count = self.height * self.width
-            pixels = np.frombuffer(message, self.dtype, count, self.start)
+            pixels = np.frombuffer(message, encoding.dtype, count, self.start)
             return pixels.reshape(self.height, self.width)
-        octets = np.frombuffer(message, np.uint8, self.end - self.start, self.start)
+        octets = np.frombuffer(message, np.uint8, self.height * self.row_bytes, self.start)
         octets = octets.reshape(self.height, self.row_bytes)
-        pixels = np.ascontiguousarray(octets[:, : self.used_bytes]).view(self.dtype)
-        if not self.channels:
-            return pixels
-        return luma(pixels.reshape(self.height, self.width, -1), self.channels)
+        samples = np.ascontiguousarray(octets[:, : self.used_bytes]).view(encoding.dtype)
+        if encoding.samples == 1:
+            return samples
+        if not encoding.channels:
+            return np.ascontiguousarray(samples[:, encoding.first_luma :: encoding.samples])
+        return luma(samples.reshape(self.height, self.width, -1), encoding.channels)
 
 
 _known: Memo[_Reading] = Memo()
@@ -109,20 +100,14 @@ _known: Memo[_Reading] = Memo()
 
 def _reading_of(head: ImageHead) -> _Reading:
     form = head.format
-    scalar = _SCALARS.get(form.encoding)
-    channels = _COLOURS.get(form.encoding, '')
-    if scalar is None and not channels:
+    encoding = encoding_named(form.encoding, big_endian=form.big_endian)
+    height = encoding.luma_rows((head.end - head.start) // form.step if form.step else 0)
+    if max(height, form.width) > _LARGEST_SIDE:
         raise MessageError(
-            f'encoding {form.encoding!r} of the luminosity is not one of {", ".join(ENCODINGS)}'
+            f'{height} x {form.width} pixels: an event knows {_LARGEST_SIDE} rows and columns'
         )
-    if max(form.height, form.width) > _LARGEST_SIDE:
-        raise MessageError(
-            f'{form.height} x {form.width} pixels: an event knows {_LARGEST_SIDE} rows and columns'
-        )
-    order = '>' if form.big_endian else '<'
-    dtype = np.dtype('u1' if scalar is None else order + scalar)
-    used_bytes = form.width * dtype.itemsize * max(1, len(channels))
-    if not form.height or not form.width or form.step < used_bytes:
+    used_bytes = form.width * encoding.dtype.itemsize * encoding.samples
+    if not height or not form.width or form.step < used_bytes:
         raise MessageError(
             f'{form.height} x {form.width} pixels of {form.encoding} do not fit rows of '
             f'{form.step} bytes'
@@ -130,31 +115,12 @@ def _reading_of(head: ImageHead) -> _Reading:
     return _Reading(
         start=head.start,
         end=head.end,
-        dtype=dtype,
-        height=form.height,
+        encoding=encoding,
+        height=height,
         width=form.width,
         row_bytes=form.step,
         used_bytes=used_bytes,
-        channels=channels,
-        darkest=0.0 if scalar in ('f8', 'f4') else _DARKEST_INTEGER,
     )
-
-
-def luma(colours: NDArray[np.uint8], channels: str) -> NDArray[np.float32]:
-    """Grey value of colours, shape (height, width).
-
-    Parameters
-    ----------
-    colours
-        Shape (height, width, len(channels)).
-    channels
-        Order of the channels, for example `bgr`.
-    """
-    grey = np.zeros(colours.shape[:2], np.float32)
-    for position, channel in enumerate(channels):
-        if _LUMA[channel]:
-            grey += np.float32(_LUMA[channel]) * colours[..., position]
-    return grey
 
 
 def parse_compressed(message: bytes) -> LuminosityFrame:
@@ -175,7 +141,18 @@ def parse_compressed(message: bytes) -> LuminosityFrame:
     reader.text()
     reader.text()
     pixels = decode_picture(bytes(reader.octets()))
-    return LuminosityFrame(stamp_ns=stamp_ns, pixels=pixels, darkest=_DARKEST_INTEGER)
+    return LuminosityFrame(stamp_ns=stamp_ns, pixels=pixels, darkest=darkest_of(pixels.dtype))
+
+
+def darkest_of(dtype: np.dtype[Any]) -> float:
+    """Luminosity below which numbers of this type tell no difference; 0 for floats.
+
+    Parameters
+    ----------
+    dtype
+        Number type of a picture.
+    """
+    return 0.0 if dtype.kind == 'f' else _DARKEST_INTEGER
 
 
 def decode_picture(data: bytes) -> NDArray[Any]:
@@ -209,7 +186,10 @@ def decode_picture(data: bytes) -> NDArray[Any]:
 
 
 def _decode_opencv(cv2: Any, data: bytes) -> NDArray[Any] | None:
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError(str(error)) from None
     if pixels is None or pixels.ndim == 2:
         return None if pixels is None else np.asarray(pixels)
     return luma(np.asarray(pixels), 'bgra'[: pixels.shape[2]])
@@ -217,6 +197,7 @@ def _decode_opencv(cv2: Any, data: bytes) -> NDArray[Any] | None:
 
 def _decode_pillow(image_module: Any, data: bytes) -> NDArray[Any]:
     picture = image_module.open(io.BytesIO(data))
-    if picture.mode in ('L', 'I;16'):
+    if picture.mode == 'L' or picture.mode[0] in 'IF':
+        # 8, 16 or 32 bits or floats as they are: a conversion to RGB would clip them to 255.
         return np.asarray(picture)
     return luma(np.asarray(picture.convert('RGB')), 'rgb')

@@ -6,26 +6,35 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image
 
 from dvs_common.errors import ParameterError
-from dvs_common.nanoseconds import NANOSECONDS
+from dvs_common.nanoseconds import NANOSECONDS, as_seconds
 from dvs_common.node.spin import StopSignal
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.messages import pack_image
-from dvs_event_camera.tools.scenes import SCENES, Scene, recorded_frames, synthetic_frames
+from dvs_event_camera.tools.recordings import open_recording
+from dvs_event_camera.tools.scenes import SCENES, Scene, synthetic_frames
 
 _USAGE_ERROR = 2
+# Frames a second of a source that states none.
+_RATE = 100.0
+# Longest pause between two looks at the signals and at the subscribers.
+_PATIENCE_S = 0.05
+# Time for the last frames to arrive before the publisher goes.
+_FAREWELL_S = 5.0
 _ENCODING_OF = {'uint8': 'mono8', 'uint16': 'mono16', 'float32': '32FC1', 'float64': '64FC1'}
 _DTYPE_OF = {encoding: dtype for dtype, encoding in _ENCODING_OF.items()}
 
@@ -48,13 +57,18 @@ def parse_arguments(arguments: Sequence[str]) -> argparse.Namespace:
         default='grating',
         help=f'{", ".join(SCENES)}, a video file or a folder of pictures (default: grating)',
     )
-    parser.add_argument('--rate', type=float, default=100.0, help='frames/s (default: 100)')
+    parser.add_argument(
+        '--rate', type=float, help="frames/s (default: the recording's own, or 100)"
+    )
     parser.add_argument(
         '--source-rate',
         type=float,
         help='frames/s in the stamps (default: --rate), as for slow motion',
     )
     parser.add_argument('--frames', type=int, default=0, help='stop after so many (0: never)')
+    parser.add_argument(
+        '--no-wait', action='store_true', help='begin before anybody has subscribed to luminosity'
+    )
     parser.add_argument(
         '--encoding', choices=sorted(_DTYPE_OF), help='of the images (default: as fits the source)'
     )
@@ -75,8 +89,24 @@ def parse_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def frames_of(options: argparse.Namespace) -> Iterator[NDArray[Any]]:
-    """Frames that the command line asks for.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Showing:
+    """Frames, and how fast they are shown.
+
+    Parameters
+    ----------
+    frames
+        Time since the first frame, ns, and luminosity, shape (height, width).
+    pace
+        Seconds of the clock for a second of the stamps; more than 1 is slow motion.
+    """
+
+    frames: Iterator[tuple[int, NDArray[Any]]]
+    pace: float
+
+
+def showing_of(options: argparse.Namespace) -> Showing:
+    """What the command line asks for.
 
     Parameters
     ----------
@@ -95,7 +125,9 @@ def frames_of(options: argparse.Namespace) -> Iterator[NDArray[Any]]:
     if options.frames < 0:
         raise ParameterError('frames', options.frames, 'must be >= 0')
     if options.source not in SCENES:
-        return recorded_frames(Path(options.source))
+        return _recorded(options)
+    shown = options.rate or _RATE
+    rate = options.source_rate or shown
     try:
         height, width = (int(number) for number in options.size.split('x'))
     except ValueError:
@@ -109,8 +141,25 @@ def frames_of(options: argparse.Namespace) -> Iterator[NDArray[Any]]:
         dark=options.dark,
         bright=options.bright,
     )
-    period_ns = round(NANOSECONDS / (options.source_rate or options.rate))
-    return synthetic_frames(options.source, scene, period_ns)
+    period_ns = round(NANOSECONDS / rate)
+    frames = synthetic_frames(options.source, scene, period_ns)
+    stamped = ((number * period_ns, frame) for number, frame in enumerate(frames))
+    return Showing(frames=stamped, pace=rate / shown)
+
+
+def _recorded(options: argparse.Namespace) -> Showing:
+    path = Path(options.source)
+    if not path.exists():
+        raise ParameterError(
+            'source', path, f'must be one of {", ".join(SCENES)}, a video file or a folder'
+        )
+    recording = open_recording(path)
+    shown = options.rate or recording.rate or _RATE
+    rate = options.source_rate or options.rate
+    if rate is None and not recording.stamps_ns:
+        rate = shown
+    pace = rate / shown if rate is not None else 1.0
+    return Showing(frames=recording.stamped(rate), pace=pace)
 
 
 def encoded(frame: NDArray[Any], encoding: str | None) -> tuple[NDArray[Any], str]:
@@ -132,7 +181,10 @@ def encoded(frame: NDArray[Any], encoding: str | None) -> tuple[NDArray[Any], st
 
 
 def publish_frames(
-    node: Node, frames: Iterator[NDArray[Any]], options: argparse.Namespace, stop: StopSignal
+    node: Node,
+    showing: Showing,
+    options: argparse.Namespace,
+    stop: StopSignal,
 ) -> None:
     """Publish frames at their rate until they or the user stop.
 
@@ -140,28 +192,41 @@ def publish_frames(
     ----------
     node
         Node that publishes.
-    frames
-        The frames.
+    showing
+        The frames and their pace.
     options
         From `parse_arguments`.
     stop
         Set by SIGINT and SIGTERM.
     """
     publisher = node.create_publisher(Image, topics.LUMINOSITY, topics.stream_qos())
-    period_ns = round(NANOSECONDS / (options.source_rate or options.rate))
+    if not options.no_wait:
+        _await_subscriber(publisher, stop)
     start_ns = node.get_clock().now().nanoseconds
     start_s = time.monotonic()
-    for number, frame in enumerate(frames):
-        if stop.received or (options.frames and number >= options.frames):
-            return
-        pause = start_s + number / options.rate - time.monotonic()
-        while pause > 0 and not stop.received:
-            time.sleep(min(pause, 0.1))
-            pause = start_s + number / options.rate - time.monotonic()
+    for number, (elapsed_ns, frame) in enumerate(showing.frames):
+        if options.frames and number >= options.frames:
+            break
+        due = start_s + showing.pace * as_seconds(elapsed_ns)
+        while (pause := due - time.monotonic()) > 0 and not stop.received:
+            time.sleep(min(pause, _PATIENCE_S))
         if stop.received:
             return
         pixels, encoding = encoded(frame, options.encoding)
-        publisher.publish(pack_image(start_ns + number * period_ns, pixels, encoding))
+        publisher.publish(pack_image(start_ns + elapsed_ns, pixels, encoding))
+    publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
+
+
+def _await_subscriber(publisher: Any, stop: StopSignal) -> None:
+    """Wait for the first reader, since frames that nobody takes are lost."""
+    if publisher.get_subscription_count():
+        return
+    print(
+        f'waiting for a subscriber of {publisher.topic_name} (--no-wait: begin at once)',
+        file=sys.stderr,
+    )
+    while not stop.received and not publisher.get_subscription_count():
+        time.sleep(_PATIENCE_S)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -176,7 +241,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse_arguments(remove_ros_args(command_line)[1:])
     stop = StopSignal()
     try:
-        frames = frames_of(options)
+        showing = showing_of(options)
     except (ParameterError, MessageError) as error:
         print(f'cannot start: {error}', file=sys.stderr)
         return _USAGE_ERROR
@@ -187,7 +252,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _USAGE_ERROR
     node = rclpy.create_node('scene')
     try:
-        publish_frames(node, frames, options, stop)
+        publish_frames(node, showing, options, stop)
     except MessageError as error:
         print(f'cannot go on: {error}', file=sys.stderr)
         return _USAGE_ERROR

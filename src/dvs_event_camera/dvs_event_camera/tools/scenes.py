@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +12,11 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
-from dvs_event_camera.streams.image_source import decode_picture
+from dvs_event_camera.tools.recordings import recorded_frames
+
+__all__ = ['SCENES', 'Scene', 'recorded_frames', 'synthetic_frames']
 
 FloatImage = NDArray[np.float64]
-
-_PICTURES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
-_VIDEOS = ('.mp4', '.avi', '.mkv', '.mov', '.webm', '.mpg', '.mpeg')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,52 +161,3 @@ def synthetic_frames(name: str, scene: Scene, period_ns: int) -> Iterator[NDArra
     while True:
         yield draw(scene, as_seconds(number * period_ns))
         number += 1
-
-
-def recorded_frames(path: Path) -> Iterator[NDArray[Any]]:
-    """Grey frames of a video file or of a folder of pictures in the order of their names.
-
-    Parameters
-    ----------
-    path
-        File or folder.
-
-    Raises
-    ------
-    ParameterError
-        If there is nothing to show, or the decoder for it is not installed.
-    """
-    if path.is_dir():
-        pictures = sorted(p for p in path.iterdir() if p.suffix.lower() in _PICTURES)
-        if not pictures:
-            raise ParameterError('source', path, f'has no pictures ({", ".join(_PICTURES)})')
-        return (decode_picture(picture.read_bytes()) for picture in pictures)
-    if path.is_file() and path.suffix.lower() in _PICTURES:
-        return iter([decode_picture(path.read_bytes())])
-    if path.is_file() and path.suffix.lower() in _VIDEOS:
-        return _video_frames(path)
-    raise ParameterError(
-        'source', path, f'must be one of {", ".join(SCENES)}, a video file or a folder of pictures'
-    )
-
-
-def _video_frames(path: Path) -> Iterator[NDArray[Any]]:
-    try:
-        cv2 = importlib.import_module('cv2')
-    except ImportError:
-        raise ParameterError('source', path, 'needs OpenCV (python3-opencv) for videos') from None
-    video = cv2.VideoCapture(str(path))
-    if not video.isOpened():
-        raise ParameterError('source', path, 'can not be opened as a video')
-    return _read_video(cv2, video)
-
-
-def _read_video(cv2: Any, video: Any) -> Iterator[NDArray[Any]]:
-    try:
-        while True:
-            found, frame = video.read()
-            if not found:
-                return
-            yield np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
-    finally:
-        video.release()
