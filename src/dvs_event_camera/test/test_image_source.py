@@ -140,7 +140,7 @@ def test_pictures_of_16_bits_and_floats_keep_their_ratios(decoder, monkeypatch):
         image.fromarray(pixels).save(stream, format=ending)
         files.append((stream.getvalue(), pixels))
     for data, expected in files:
-        found = decode_picture(data)[0].astype(float)
+        found = decode_picture(data).pixels[0].astype(float)
         assert np.allclose(found / found[3], expected[0] / expected[0, 3], rtol=1e-4, atol=2e-5)
 
 

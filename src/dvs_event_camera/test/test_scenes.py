@@ -7,7 +7,7 @@ import pytest
 
 from dvs_common.errors import ParameterError
 from dvs_event_camera.pixels.pixel_array import PixelArray
-from dvs_event_camera.tools.recordings import open_recording, recorded_frames
+from dvs_event_camera.tools.footage import open_footage, recorded_frames
 from dvs_event_camera.tools.scenes import SCENES, Scene, synthetic_frames
 
 SCENE = Scene(height=24, width=32, speed=100.0, frequency=5.0, period=16.0)
@@ -71,14 +71,19 @@ def test_numbered_pictures_come_in_the_order_of_their_numbers(tmp_path):
     assert found == [1, 2, 9, 10, 11, 100]
 
 
+def test_black_of_a_colour_picture_is_less_than_half_a_grey_level(tmp_path):
+    picture_file(tmp_path / 'a.png', np.zeros((2, 3, 3), np.uint8))
+    assert np.all(next(recorded_frames(tmp_path)) == 0.5)
+
+
 def test_folder_brings_its_own_stamps(tmp_path):
     for number in range(3):
         picture_file(tmp_path / f'{number}.png', np.full((2, 3), number, np.uint8))
     (tmp_path / 'timestamps.txt').write_text('0.5\n0.54\n0.6\n')
-    stamps = [stamp for stamp, _ in open_recording(tmp_path).stamped()]
+    stamps = [stamp for stamp, _ in open_footage(tmp_path).stamped()]
     assert stamps == [0, 40_000_000, 100_000_000]
     (tmp_path / 'images.csv').write_text('# stamp, name\n100, 2.png\n350, 0.png\n')
-    stamped = [(stamp, int(frame[0, 0])) for stamp, frame in open_recording(tmp_path).stamped()]
+    stamped = [(stamp, int(frame[0, 0])) for stamp, frame in open_footage(tmp_path).stamped()]
     assert stamped == [(0, 2), (250, 0)]
 
 
@@ -88,7 +93,7 @@ def test_stamps_that_do_not_fit_their_pictures_are_refused(tmp_path, text):
         picture_file(tmp_path / f'{number}.png', np.full((2, 3), number, np.uint8))
     (tmp_path / 'timestamps.txt').write_text(text)
     with pytest.raises(ParameterError, match='source'):
-        open_recording(tmp_path)
+        open_footage(tmp_path)
 
 
 def test_video_has_the_rate_of_its_file(tmp_path):
@@ -98,7 +103,7 @@ def test_video_has_the_rate_of_its_file(tmp_path):
     for k in range(5):
         writer.write(np.full((24, 32), 40 + 20 * k, np.uint8))
     writer.release()
-    stamped = list(open_recording(path).stamped())
+    stamped = list(open_footage(path).stamped())
     assert [stamp for stamp, _ in stamped] == [0, 40_000_000, 80_000_000, 120_000_000, 160_000_000]
     assert np.allclose([frame.mean() for _, frame in stamped], 40 + 20 * np.arange(5), atol=3)
 

@@ -140,8 +140,7 @@ def parse_compressed(message: bytes) -> LuminosityFrame:
     stamp_ns = reader.stamp()
     reader.text()
     reader.text()
-    pixels = decode_picture(bytes(reader.octets()))
-    return LuminosityFrame(stamp_ns=stamp_ns, pixels=pixels, darkest=darkest_of(pixels.dtype))
+    return decode_picture(bytes(reader.octets()), stamp_ns)
 
 
 def darkest_of(dtype: np.dtype[Any]) -> float:
@@ -155,13 +154,15 @@ def darkest_of(dtype: np.dtype[Any]) -> float:
     return 0.0 if dtype.kind == 'f' else _DARKEST_INTEGER
 
 
-def decode_picture(data: bytes) -> NDArray[Any]:
-    """Grey values of an encoded picture, by OpenCV or else Pillow, shape (height, width).
+def decode_picture(data: bytes, stamp_ns: int = 0) -> LuminosityFrame:
+    """Grey values of an encoded picture, by OpenCV or else Pillow.
 
     Parameters
     ----------
     data
         The picture as a file would hold it.
+    stamp_ns
+        When it was taken, ns.
 
     Raises
     ------
@@ -180,7 +181,10 @@ def decode_picture(data: bytes) -> NDArray[Any]:
             failure = str(error)
         else:
             if pixels is not None:
-                return pixels
+                grey = pixels if pixels.ndim == 2 else luma(pixels, 'bgra'[: pixels.shape[2]])
+                return LuminosityFrame(
+                    stamp_ns=stamp_ns, pixels=grey, darkest=darkest_of(pixels.dtype)
+                )
             failure = 'unknown picture format'
     raise MessageError(f'compressed image of {len(data)} bytes: {failure}')
 
@@ -190,9 +194,7 @@ def _decode_opencv(cv2: Any, data: bytes) -> NDArray[Any] | None:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise ValueError(str(error)) from None
-    if pixels is None or pixels.ndim == 2:
-        return None if pixels is None else np.asarray(pixels)
-    return luma(np.asarray(pixels), 'bgra'[: pixels.shape[2]])
+    return None if pixels is None else np.asarray(pixels)
 
 
 def _decode_pillow(image_module: Any, data: bytes) -> NDArray[Any]:
@@ -200,4 +202,4 @@ def _decode_pillow(image_module: Any, data: bytes) -> NDArray[Any]:
     if picture.mode == 'L' or picture.mode[0] in 'IF':
         # 8, 16 or 32 bits or floats as they are: a conversion to RGB would clip them to 255.
         return np.asarray(picture)
-    return luma(np.asarray(picture.convert('RGB')), 'rgb')
+    return np.asarray(picture.convert('RGB'))[..., ::-1]

@@ -25,7 +25,7 @@ from dvs_common.node.spin import StopSignal
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.messages import pack_image
-from dvs_event_camera.tools.recordings import open_recording
+from dvs_event_camera.tools.footage import open_footage
 from dvs_event_camera.tools.scenes import SCENES, Scene, synthetic_frames
 
 _USAGE_ERROR = 2
@@ -153,13 +153,13 @@ def _recorded(options: argparse.Namespace) -> Showing:
         raise ParameterError(
             'source', path, f'must be one of {", ".join(SCENES)}, a video file or a folder'
         )
-    recording = open_recording(path)
-    shown = options.rate or recording.rate or _RATE
+    footage = open_footage(path)
+    shown = options.rate or footage.rate or _RATE
     rate = options.source_rate or options.rate
-    if rate is None and not recording.stamps_ns:
+    if rate is None and not footage.stamps_ns:
         rate = shown
     pace = rate / shown if rate is not None else 1.0
-    return Showing(frames=recording.stamped(rate), pace=pace)
+    return Showing(frames=footage.stamped(rate), pace=pace)
 
 
 def encoded(frame: NDArray[Any], encoding: str | None) -> tuple[NDArray[Any], str]:

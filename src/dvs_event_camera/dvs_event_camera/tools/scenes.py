@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
-from dvs_event_camera.tools.recordings import recorded_frames
+from dvs_event_camera.tools.footage import recorded_frames
 
 __all__ = ['SCENES', 'Scene', 'recorded_frames', 'synthetic_frames']
 

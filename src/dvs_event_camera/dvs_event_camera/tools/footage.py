@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
-from dvs_event_camera.streams.image_source import decode_picture
+from dvs_event_camera.streams.image_source import LuminosityFrame, decode_picture
 
 PICTURES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
 VIDEOS = ('.mp4', '.avi', '.mkv', '.mov', '.webm', '.mpg', '.mpeg', '.m4v')
@@ -25,7 +25,7 @@ _CSV, _TIMES = 'images.csv', 'timestamps.txt'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+class Footage:
     """Pictures, and when they were taken.
 
     Parameters
@@ -61,7 +61,7 @@ class Recording:
                 yield as_nanoseconds(number * period_s), frame
 
 
-def open_recording(path: Path) -> Recording:
+def open_footage(path: Path) -> Footage:
     """Pictures of a video file, a folder or one picture.
 
     Numbered pictures come in the order of their numbers. A folder may bring `images.csv` (lines of
@@ -80,7 +80,7 @@ def open_recording(path: Path) -> Recording:
     if path.is_dir():
         return _folder(path)
     if path.is_file() and path.suffix.lower() in PICTURES:
-        return Recording(frames=_decoded([path]), count=1)
+        return Footage(frames=_decoded([path]), count=1)
     if path.is_file() and path.suffix.lower() in VIDEOS:
         return _video(path)
     raise ParameterError(
@@ -101,9 +101,9 @@ def recorded_frames(path: Path) -> Iterator[NDArray[Any]]:
     Raises
     ------
     ParameterError
-        As `open_recording`.
+        As `open_footage`.
     """
-    return open_recording(path).frames
+    return open_footage(path).frames
 
 
 def natural_order(path: Path) -> list[tuple[int, int, str]]:
@@ -118,7 +118,7 @@ def natural_order(path: Path) -> list[tuple[int, int, str]]:
     return [(0, int(part), part) if part.isdecimal() else (1, 0, part) for part in parts if part]
 
 
-def _folder(path: Path) -> Recording:
+def _folder(path: Path) -> Footage:
     listed = path / _CSV
     if listed.is_file():
         stamps, pictures = _listed(listed)
@@ -132,7 +132,7 @@ def _folder(path: Path) -> Recording:
             stamps = _times(path / _TIMES)
     if stamps:
         _check(path, stamps, len(pictures))
-    return Recording(frames=_decoded(pictures), count=len(pictures), stamps_ns=stamps)
+    return Footage(frames=_decoded(pictures), count=len(pictures), stamps_ns=stamps)
 
 
 def _listed(path: Path) -> tuple[tuple[int, ...], list[Path]]:
@@ -163,10 +163,17 @@ def _check(path: Path, stamps: tuple[int, ...], pictures: int) -> None:
 
 
 def _decoded(pictures: list[Path]) -> Iterator[NDArray[Any]]:
-    return (decode_picture(picture.read_bytes()) for picture in pictures)
+    return (_grey(decode_picture(picture.read_bytes())) for picture in pictures)
 
 
-def _video(path: Path) -> Recording:
+def _grey(picture: LuminosityFrame) -> NDArray[Any]:
+    """Pixels that carry their floor with them: the luma of 8-bit colours is a float."""
+    if picture.pixels.dtype.kind != 'f':
+        return picture.pixels
+    return np.maximum(picture.pixels, np.float32(picture.darkest))
+
+
+def _video(path: Path) -> Footage:
     try:
         cv2: Any = importlib.import_module('cv2')
     except ImportError:
@@ -177,7 +184,7 @@ def _video(path: Path) -> Recording:
     if not video.isOpened():
         raise ParameterError('source', path, 'can not be opened as a video')
     rate = float(video.get(cv2.CAP_PROP_FPS))
-    return Recording(
+    return Footage(
         frames=_read_video(cv2, video),
         count=max(0, int(video.get(cv2.CAP_PROP_FRAME_COUNT))),
         rate=rate if 0 < rate <= NANOSECONDS else None,
