@@ -261,16 +261,32 @@ def test_luminosity_of_every_depth_is_a_signal(encoding, tmp_path):
     np.testing.assert_array_equal(run.trace.luminosities, np.full((60, 3), 7.0))
 
 
-@pytest.mark.parametrize('damage', ['absent', 'empty', 'text', 'cut'])
+@pytest.mark.parametrize('damage', ['absent', 'empty', 'text'])
 def test_a_damaged_bag_is_one_clear_message(damage, tmp_path):
     path = tmp_path / 'bag.mcap'
-    if damage == 'cut':
-        folder = write_like_rosbag2(tmp_path / 'whole', 'mcap', small_run())
-        path.write_bytes((folder / 'whole_0.mcap').read_bytes()[:-100])
-    elif damage != 'absent':
+    if damage != 'absent':
         path.write_bytes(
             b'' if damage == 'empty' else b'no bag at all, but a text of some length\n'
         )
 
     with pytest.raises(ParameterError, match=r'^bag = '):
         read_bag(path)
+
+
+@pytest.mark.parametrize('cut', [100, 5000])
+def test_a_bag_without_its_end_is_read_up_to_there(cut, tmp_path):
+    folder = write_like_rosbag2(tmp_path / 'whole', 'mcap', small_run())
+    whole = read_bag(folder)
+    path = tmp_path / 'bag.mcap'
+    path.write_bytes((folder / 'whole_0.mcap').read_bytes()[:-cut])
+
+    found = read_bag(path)
+
+    in_order = sorted(found.messages, key=lambda message: message.received_ns)
+    assert in_order == list(whole.messages[: len(in_order)])
+    assert whole.damage == ''
+    if cut == 100:  # In the index.
+        assert len(found.messages) == len(whole.messages)
+    else:
+        assert 0 < len(found.messages) < len(whole.messages)
+        assert 'bag.mcap: ends in the middle of a record' in found.damage

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import json
-import struct
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-
-from rosbags.rosbag2 import Reader, ReaderError
 
 from dvs_closed_loop.bags.loop_topics import choose_topics
 from dvs_closed_loop.bags.recording import NAME_KEY, PARAMETERS_KEY
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
-
-# What rosbags raises on damaged files, beside its own errors.
-_DAMAGE = (ReaderError, OSError, ValueError, TypeError, KeyError, EOFError, struct.error)
+from dvs_event_camera.files.bag_file import BagFile
+from dvs_event_camera.files.damage import DamagedFile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +55,8 @@ class RecordedBag:
         Name of the scenario.
     writer
         Distribution that wrote the bag, as far as it says.
+    damage
+        What could not be read; empty if the bag is whole.
     """
 
     path: Path
@@ -69,6 +66,7 @@ class RecordedBag:
     scenario: Scenario | None
     scenario_name: str
     writer: str
+    damage: str = ''
 
     def of(self, topic: str) -> list[bytes]:
         """CDR bytes of one topic, in the order of their reception.
@@ -105,12 +103,12 @@ def read_bag(
     topics: list[str] | None = None,
     given: Mapping[str, str] | None = None,
 ) -> RecordedBag:
-    """Messages of one loop in a rosbag2 of whatever storage and writer.
+    """Messages of one loop in a bag of whatever storage and writer.
 
     Parameters
     ----------
     path
-        Folder of the bag, or a single ``.mcap`` or ``.db3`` file.
+        The bag; see `BagFile`.
     namespace
         Namespace of the loop; None for the only one in the bag.
     topics
@@ -124,56 +122,46 @@ def read_bag(
         If the bag can't be read, holds no topic of the contract, or holds several loops and none
         was chosen.
     """
-    with _opened(path) as reader:
-        found = {connection.topic: connection.msgtype for connection in reader.connections}
+    with BagFile(path) as bag:
+        found = {topic.name: topic.type_name for topic in bag.topics}
         names = choose_topics(
             found,
             namespace=namespace,
             given=given or {},
-            first_message=lambda topic: _first_message(reader, topic),
+            first_message=lambda topic: _first_message(bag, topic),
         )
         if not names:
             raise ParameterError('bag', path, 'holds no topic of the wire contract')
         of_name = {
             name: topic for topic, name in names.items() if topics is None or topic in topics
         }
-        wanted = [c for c in reader.connections if c.topic in of_name]
-        messages = tuple(
-            RecordedMessage(topic=of_name[connection.topic], received_ns=time_ns, data=bytes(data))
-            for connection, time_ns, data in (reader.messages(wanted) if wanted else ())
-        )
-        custom = reader.storage.metadata.custom or {}
-        scenario = custom.get(PARAMETERS_KEY)
+        messages = []
+        damage = ''
+        try:
+            for message in bag.messages(of_name):
+                topic = of_name[message.topic.name]
+                messages.append(
+                    RecordedMessage(
+                        topic=topic, received_ns=message.received_ns, data=message.data
+                    )
+                )
+        except DamagedFile as error:
+            damage = str(error)
+        scenario = bag.custom.get(PARAMETERS_KEY)
         return RecordedBag(
             path=path,
             messages=tuple(sorted(messages, key=lambda message: message.received_ns)),
             names=names,
             ignored=tuple(sorted(found.keys() - set(names.values()))),
             scenario=None if scenario is None else Scenario.from_values(json.loads(scenario)),
-            scenario_name=custom.get(NAME_KEY, path.stem),
-            writer=reader.ros_distro or 'unknown',
+            scenario_name=bag.custom.get(NAME_KEY, path.stem),
+            writer=bag.distribution or 'unknown',
+            damage=damage,
         )
 
 
-def _first_message(reader: Reader, topic: str) -> bytes | None:
-    wanted = [c for c in reader.connections if c.topic == topic]
-    return next((bytes(data) for _, _, data in reader.messages(wanted)), None)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Reader]:
-    """Open a bag; whatever is wrong with the file becomes one message."""
+def _first_message(bag: BagFile, topic: str) -> bytes | None:
     try:
-        with Reader(path) as reader:
-            yield reader
-    except ParameterError:
-        raise
-    except FileNotFoundError as error:
-        reason = 'does not exist'
-        if path.is_dir():
-            reason = 'is not a rosbag2: holds no metadata.yaml'
-            if (path / 'metadata.yaml').exists():
-                reason = f'is not complete: {error}'
-        raise ParameterError('bag', path, reason) from None
-    except _DAMAGE as error:
-        raise ParameterError('bag', path, f'is not a readable rosbag2: {error}') from None
+        return next((message.data for message in bag.messages([topic])), None)
+    except DamagedFile:
+        return None

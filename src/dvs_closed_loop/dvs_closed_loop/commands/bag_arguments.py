@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     parser
         Parser to extend.
     """
-    parser.add_argument('bag', type=Path, help='folder of the bag, or a .mcap or .db3 file')
+    parser.add_argument('bag', type=Path, help='folder of the bag, or one of its files; ROS 1 too')
     parser.add_argument('--from-namespace', help='loop in the bag, where it holds several')
     parser.add_argument(
         '--topic',
@@ -48,9 +49,12 @@ def chosen_bag(options: argparse.Namespace, topics: list[str] | None = None) -> 
     from dvs_closed_loop.bags.bag import read_bag
     from dvs_closed_loop.bags.loop_topics import given_topics
 
-    return read_bag(
+    bag = read_bag(
         options.bag,
         namespace=options.from_namespace,
         topics=topics,
         given=given_topics(options.topic),
     )
+    if bag.damage:
+        print(bag.damage, file=sys.stderr)
+    return bag

@@ -227,7 +227,8 @@ def _uncompressed(data: bytes) -> bytes:
 
 def _ros1_types(connections: list[Any]) -> Any:
     typesys = import_module('rosbags.typesys')
-    types = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    # Whose Header has no seq, as in what is to come out.
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for connection in connections:
         if connection.msgtype not in types.fielddefs:
             known = typesys.get_types_from_msg(connection.msgdef.data, connection.msgtype)
