@@ -8,6 +8,7 @@ import signal
 
 import numpy as np
 import pytest
+from sensor_encoders import mono_words, packet_message
 
 pytest.importorskip('rclpy')
 
@@ -16,10 +17,12 @@ from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
 from dvs_common.wire import topics
-from dvs_common.wire.events import EventPacket, make_events, parse_events
+from dvs_common.wire.events import parse_events
 from dvs_common.wire.messages import pack_image, parse_image
-from dvs_event_camera.streams.event_packet import pack_event_packet, parse_event_packet
+from dvs_event_camera.streams.event_packet import parse_event_packet
 from dvs_event_camera.streams.packet_decoder import PacketDecoder
+from dvs_event_camera.streams.sensor_events import SensorEvents
+from dvs_event_camera.tools.packet_type import event_packet_type
 
 MS = 1_000_000
 CAMERA = 'event_camera_node'
@@ -165,44 +168,66 @@ def test_scene_to_camera_to_table(graph, tmp_path):
     assert set(columns[:, 3]) == {0, 1}
 
 
-def test_bridge_takes_a_drivers_packets(graph):
-    bridge = graph.start('tools.packet_bridge_node', stub=True)
+def driver_packet(sequence, x, y, stamp_ns, t_ns=None):
+    """A `mono` packet of a driver with one event a given pixel."""
+    events = SensorEvents(
+        t=np.arange(len(x)) + (stamp_ns if t_ns is None else t_ns),
+        x=np.array(x, np.uint16),
+        y=np.array(y, np.uint16),
+        p=np.ones(len(x), np.uint8),
+    )
+    base = int(events.t[0])
+    return packet_message(
+        mono_words(events, base),
+        'mono',
+        stamp_ns=stamp_ns,
+        sequence=sequence,
+        time_base=base,
+        width=640,
+        height=480,
+    )
+
+
+def test_bridge_takes_a_drivers_packets_and_sends_the_pixels_of_the_loop(graph):
+    bridge = graph.start(
+        'tools.packet_bridge_node',
+        region='[100, 200, 6, 4]',
+        binning=2,
+        masked_pixels='[101, 201]',
+    )
     heard = graph.hear(PointCloud2, 'events', topics.stream_qos())
-    publisher = graph.node.create_publisher(String, 'events_packet', topics.stream_qos())
+    # Found by the same class that is used where event_camera_msgs is not installed.
+    kind = event_packet_type()
+    publisher = graph.node.create_publisher(kind, 'events_packet', topics.stream_qos())
     graph.turn_until(lambda: publisher.get_subscription_count() > 0)
     graph.turn_until(lambda: graph.node.count_publishers('events') > 0)
     graph.turn_for(1.0)
+    publisher.publish(b'\x00\x01\x00\x00 rubbish')
     for sequence in (0, 1, 5):
         stamp = 10**18 + sequence * MS
-        events = make_events(
-            times_ns=np.array([stamp - 5, stamp]),
-            pixels=np.array([3, 4]),
-            polarities=np.array([1, -1], np.int8),
-            signs=np.ones(2, np.int8),
-            width=3,
-            stamp_ns=stamp,
-            first_index=0,
+        # Left of the region, its first pixel, a masked one, its last one.
+        publisher.publish(
+            driver_packet(sequence, [99, 100, 101, 105], [200, 200, 201, 203], stamp)
         )
-        packet = EventPacket(stamp_ns=stamp, events=events)
-        publisher.publish(pack_event_packet(packet, height=2, width=3, sequence=sequence))
-    publisher.publish(b'\x00\x01\x00\x00 rubbish')
     graph.turn_until(lambda: len(heard) == 3)
     packets = [parse_events(bytes(message)) for message in heard]
-    assert [packet.stamp_ns - 10**18 for packet in packets] == [0, MS, 5 * MS]
+    assert [packet.stamp_ns - 10**18 for packet in packets] == [3, MS + 3, 5 * MS + 3]
     index = np.concatenate([packet.events['index'] for packet in packets])
     assert index.tolist() == [0, 1, 2, 3, 5, 6]  # the loss before number 5 is a gap
-    assert packets[0].events['polarity'].tolist() == [1, -1]
+    assert packets[0].events['x'].tolist() == [0, 2]
+    assert packets[0].events['y'].tolist() == [0, 1]
     code, _, err = bridge.stop()
     assert code == 0, err
     assert '3 packets lost' in err
+    assert 'message refused' in err
     assert 'Traceback' not in err
 
 
-def test_bridge_without_the_message_package_says_so(graph):
-    code, _, err = graph.start('tools.packet_bridge_node').wait()
+def test_bridge_refuses_a_region_that_is_none(graph):
+    code, _, err = graph.start('tools.packet_bridge_node', region='[0, 0, 5]').wait()
     assert code == 2, err
-    assert 'event_camera_msgs' in err
-    assert err.count('\n') == 1
+    assert 'region = [0, 0, 5]' in err
+    assert 'Traceback' not in err
 
 
 @pytest.mark.parametrize(

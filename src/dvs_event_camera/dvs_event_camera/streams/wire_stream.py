@@ -32,7 +32,7 @@ class WireStream:
         self._index = (self._index + 1) % INDEX_MODULUS
 
     def packets(self, events: SensorEvents, end_ns: int) -> list[EventPacket]:
-        """Packets of the next stretch, an empty one if it has no events.
+        """Packets of the next stretch; the last one ends with it, without events if need be.
 
         An event dated before the end of the last packet is moved behind it, unless the whole
         stretch is a second or more before: then the camera has started again.
@@ -47,8 +47,6 @@ class WireStream:
         if self._stamp_ns is not None and end_ns < self._stamp_ns - _RESTART_NS:
             self._stamp_ns = None
         earliest = end_ns if self._stamp_ns is None else self._stamp_ns + 1
-        if not len(events):
-            return [self._packet(NO_EVENTS, max(end_ns, earliest))]
         dates = events.t if self._stamp_ns is None else np.maximum(events.t, earliest)
         found = []
         while dates.size:
@@ -60,6 +58,8 @@ class WireStream:
             records = _records(events.take(part), dates[part], stamp_ns)
             found.append(self._packet(records, stamp_ns))
             events, dates = events.take(~part), dates[~part]
+        if not found or found[-1].stamp_ns < end_ns:
+            found.append(self._packet(NO_EVENTS, max(end_ns, earliest)))
         return found
 
     def _packet(self, records: NDArray[np.void], stamp_ns: int) -> EventPacket:

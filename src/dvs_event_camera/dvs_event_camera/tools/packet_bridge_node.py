@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Sequence
 
@@ -17,9 +16,9 @@ from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import pack_events
 from dvs_event_camera.streams.packet_bridge import PacketBridge
 from dvs_event_camera.streams.pixel_map import PixelMap
+from dvs_event_camera.tools.packet_type import event_packet_type
 from dvs_event_camera.tools.plain_node import run_plain_node
 
-_NOT_INSTALLED = 2
 _DEPTH = 1000
 
 
@@ -29,7 +28,7 @@ class PacketBridgeNode(Node):
     Parameters
     ----------
     message_type
-        Class of the messages, `event_camera_msgs.msg.EventPacket`.
+        Class of the messages, from `event_packet_type`.
     """
 
     def __init__(self, message_type: type) -> None:
@@ -68,14 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Command line with ROS arguments; `sys.argv` by default.
     """
-    try:
-        messages = importlib.import_module('event_camera_msgs.msg')
-    except ImportError:
-        print(
-            'cannot start: the package event_camera_msgs is not installed '
-            '(Ubuntu: ros-jazzy-event-camera-msgs)',
-            file=sys.stderr,
-        )
-        return _NOT_INSTALLED
     command_line = sys.argv if arguments is None else arguments
-    return run_plain_node(lambda: PacketBridgeNode(messages.EventPacket), command_line)
+    try:
+        return run_plain_node(lambda: PacketBridgeNode(event_packet_type()), command_line)
+    except ParameterError as error:
+        print(f'cannot start: {error}', file=sys.stderr)
+        return error.exit_code
