@@ -30,6 +30,7 @@ from dvs_event_camera.streams.wire_stream import WireStream
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
 typesys = pytest.importorskip('rosbags.typesys')
+stores = pytest.importorskip('rosbags.typesys.stores.ros2_jazzy')
 
 CLOUD = 'sensor_msgs/msg/PointCloud2'
 PACKET = (
@@ -160,7 +161,7 @@ def test_our_own_events_come_back_with_their_labels(events, tmp_path):
 def event_array(store, events, ros1):
     kinds = ('dvs_msgs/msg/Event', EVENT_ARRAY, 'std_msgs/msg/Header')
     event, array, header = (store.types[kind] for kind in kinds)
-    time = store.types['builtin_interfaces/msg/Time']
+    time = stores.builtin_interfaces__msg__Time
     rows = zip(events.t.tolist(), events.x, events.y, events.p, strict=True)
     listed = [
         event(x=int(x), y=int(y), ts=time(sec=t // 10**9, nanosec=t % 10**9), polarity=bool(p))

@@ -15,8 +15,6 @@ import importlib
 from functools import cache
 from typing import Any
 
-from std_msgs.msg import Header, String
-
 from dvs_common.errors import ParameterError
 
 _NAMESPACE, _NAME = b'event_camera_msgs::msg', b'EventPacket'
@@ -117,11 +115,13 @@ def event_packet_type() -> type:
 
 
 def _serialized_only() -> type:
-    kind: Any = type(String)
+    # Only here ROS is needed.
+    messages = importlib.import_module('std_msgs.msg')
+    kind: Any = type(messages.String)
     fast, described = (
-        _support_of(String, identifier) for identifier in (_FAST_RTPS, _INTROSPECTION)
+        _support_of(messages.String, identifier) for identifier in (_FAST_RTPS, _INTROSPECTION)
     )
-    header = _support_of(Header, _INTROSPECTION)
+    header = _support_of(messages.Header, _INTROSPECTION)
     callbacks = _Callbacks.from_address(fast.data)
     members = _Members.from_address(described.data)
     if (
