@@ -7,16 +7,18 @@ designed for it and the exact hybrid automaton runs it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
-
-# Relative tolerance of ranks.
-_RANK_TOLERANCE = 1e-9
+from dvs_common.scenario.reachability import (
+    RANK_TOLERANCE,
+    null_space_projector,
+    unreachable_basis,
+    unreachable_unstable_mode,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +76,7 @@ class PlantModel:
 
     def require_stabilizable(self) -> None:
         """Raise `ParameterError` if an unstable mode of (A, B) is not reachable."""
-        mode = _uncontrollable_unstable_mode(self.state_matrix, self.input_matrix)
+        mode = unreachable_unstable_mode(self.state_matrix, self.input_matrix)
         if mode is not None:
             raise ParameterError(
                 'input_matrix',
@@ -85,7 +87,7 @@ class PlantModel:
 
     def require_detectable(self) -> None:
         """Raise `ParameterError` if an unstable mode of A is not seen by c."""
-        mode = _uncontrollable_unstable_mode(self.state_matrix.T, self.output_vector[:, None])
+        mode = unreachable_unstable_mode(self.state_matrix.T, self.output_vector[:, None])
         if mode is not None:
             raise ParameterError(
                 'output_vector',
@@ -124,13 +126,13 @@ class PlantModel:
                 'set_point', wanted.tolist(), f'must have as many entries as output_vector, {n}'
             )
         a, b = self.state_matrix, self.input_matrix
-        pseudo_inverse = np.linalg.pinv(b, rcond=_RANK_TOLERANCE)
+        pseudo_inverse = np.linalg.pinv(b, rcond=RANK_TOLERANCE)
         outside_range = (np.eye(n) - b @ pseudo_inverse) @ a
-        unreachable = _unreachable_basis(a, b).T
+        unreachable = unreachable_basis(a, b).T
         residual = float(
             max(np.linalg.norm(outside_range @ wanted), np.linalg.norm(unreachable @ wanted))
         )
-        nearest = _null_space_projector(np.vstack([outside_range, unreachable])) @ wanted
+        nearest = null_space_projector(np.vstack([outside_range, unreachable])) @ wanted
         if residual > tolerance:
             raise ParameterError(
                 'set_point',
@@ -247,46 +249,3 @@ class PixelScene:
         return float(model.output_vector @ np.asarray(state, dtype=np.float64)) + (
             self.brightness_offsets
         )
-
-
-def _uncontrollable_unstable_mode(a: FloatArray, b: FloatArray) -> complex | None:
-    """An unstable eigenvalue of what the staircase leaves over, if there is one.
-
-    A rank test at each eigenvalue of A would miss a mode out of reach in a Jordan chain: such
-    eigenvalues come with errors of ``eps^(1/k)``.
-    """
-    scale = max(1.0, float(np.linalg.norm(a, 2)))
-    unreachable = _unreachable_basis(a, b)
-    for mode in np.linalg.eigvals(unreachable.T @ a @ unreachable):
-        if mode.real >= -_RANK_TOLERANCE * scale:
-            return complex(mode)
-    return None
-
-
-def _unreachable_basis(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Orthonormal basis of what is orthogonal to the reachable subspace, shape (n, n - k).
-
-    The reachable subspace grows from range(B) by A (staircase: Dooren, IEEE TAC 26(1), 1981).
-    """
-    scale = max(1.0, float(np.linalg.norm(a, 2)))
-    basis: Any = _orthonormal_basis(b)
-    while 0 < basis.shape[1] < a.shape[0]:
-        grown = _orthonormal_basis(np.hstack([basis, a @ basis / scale]))
-        if grown.shape[1] == basis.shape[1]:
-            break
-        basis = grown
-    complement: Any = np.linalg.svd(basis, full_matrices=True)[0][:, basis.shape[1] :]
-    return np.asarray(complement)
-
-
-def _orthonormal_basis(matrix: FloatArray) -> FloatArray:
-    u, s, _ = np.linalg.svd(matrix, full_matrices=False)
-    rank = int(np.sum(s > _RANK_TOLERANCE * max(float(s[0]), 1e-300)))
-    return u[:, :rank]
-
-
-def _null_space_projector(matrix: FloatArray) -> FloatArray:
-    _, s, vt = np.linalg.svd(matrix, full_matrices=True)
-    rank = int(np.sum(s > _RANK_TOLERANCE * max(1.0, float(s[0]))))
-    null = vt[rank:]
-    return np.asarray(null.T @ null)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.arrays import FloatArray
+from dvs_common.scenario.reachability import unreachable_unstable_mode
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, balanced
 from dvs_hinf_controller.synthesis.riccati import is_semidefinite, stabilizing_solution
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
@@ -153,11 +154,11 @@ def require_assumptions(plant: GeneralizedPlant) -> None:
         P.
     """
     a = plant.a
-    if (mode := unreachable_mode(a, plant.b2)) is not None:
+    if (mode := unreachable_unstable_mode(a, plant.b2)) is not None:
         raise SynthesisError(
             Assumption.STABILIZABILITY, f'u does not reach the unstable mode s = {mode:.6g}'
         )
-    if (mode := unreachable_mode(a.T, plant.c2.T)) is not None:
+    if (mode := unreachable_unstable_mode(a.T, plant.c2.T)) is not None:
         raise SynthesisError(
             Assumption.DETECTABILITY, f'y does not show the unstable mode s = {mode:.6g}'
         )
@@ -176,27 +177,6 @@ def require_assumptions(plant: GeneralizedPlant) -> None:
                 Assumption.AXIS_ZERO,
                 f'the plant {name} has a zero at s = {zero:.4g}j on the imaginary axis',
             )
-
-
-def unreachable_mode(a: FloatArray, b: FloatArray) -> complex | None:
-    """A mode of `a` in the closed right half plane that `b` does not reach, or None (Hautus).
-
-    Parameters
-    ----------
-    a
-        Shape (n, n).
-    b
-        Shape (n, m).
-    """
-    scale = max(float(np.linalg.norm(a, 2)), 1e-300) if a.size else 1.0
-    column_scale = max(float(np.linalg.norm(b, 2)), 1e-300)
-    for mode in np.linalg.eigvals(a):
-        if mode.real < -_RANK_TOLERANCE * scale:
-            continue
-        pencil = np.hstack([(mode * np.eye(a.shape[0]) - a) / scale, b / column_scale])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK_TOLERANCE:
-            return complex(mode)
-    return None
 
 
 def _least_gamma(plant: GeneralizedPlant, rtol: float, tests: list[GammaTest]) -> float:
