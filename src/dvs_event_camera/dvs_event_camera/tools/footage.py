@@ -170,7 +170,7 @@ def _grey(picture: LuminosityFrame) -> NDArray[Any]:
     """Pixels that carry their floor with them: the luma of 8-bit colours is a float."""
     if picture.pixels.dtype.kind != 'f':
         return picture.pixels
-    return np.maximum(picture.pixels, np.float32(picture.darkest))
+    return np.asarray(np.maximum(picture.pixels, np.float32(picture.darkest)))
 
 
 def _video(path: Path) -> Footage:
