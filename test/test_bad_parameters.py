@@ -1,9 +1,10 @@
 """Bad parameters stop a node with one clear message and a non-zero exit code."""
 
 import math
+import subprocess
 
 import pytest
-from loop_support import ros_arguments, run_closed_loop, start
+from loop_support import CONFIG, environment, program, ros_arguments, run_closed_loop, start
 
 ALL = ('plant_sim', 'event_camera', 'hinf_controller')
 LOOP = ('plant_sim', 'hinf_controller')
@@ -97,3 +98,29 @@ def test_closed_loop_refuses_a_missing_file(domain, tmp_path):
 
     assert run.returncode == 2
     assert 'cannot be read: No such file or directory' in run.stderr
+
+
+@pytest.mark.parametrize('domain_id', ['233', 'abc'])
+@pytest.mark.parametrize(
+    ('executable', 'arguments'),
+    [
+        ('event_camera', []),
+        ('dvs_closed_loop', ['record', '{tmp}/bag']),
+        ('closed_loop', ['--params-file', str(CONFIG / 'mirror_r1.yaml'), '--output', '{tmp}/o']),
+    ],
+    ids=['node', 'record', 'closed_loop'],
+)
+def test_a_domain_that_is_none_is_refused_in_one_line(executable, arguments, domain_id, tmp_path):
+    run = subprocess.run(
+        [program(executable), *(argument.format(tmp=tmp_path) for argument in arguments)],
+        env={**environment(0), 'ROS_DOMAIN_ID': domain_id},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+    assert run.returncode == 2
+    rule = f'ROS_DOMAIN_ID = {domain_id}: must be a whole number from 0 to 232'
+    assert rule in run.stderr
+    assert len(run.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())

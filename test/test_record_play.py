@@ -20,7 +20,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
 from dvs_closed_loop.bags.bag import read_bag
-from dvs_closed_loop.bags.bag_recorder_node import BagRecorder
+from dvs_closed_loop.bags.bag_recorder import BagRecorder
 from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS

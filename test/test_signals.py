@@ -1,16 +1,18 @@
-"""Ctrl-C and SIGTERM end everything in order: exit code 0, no orphan, no traceback."""
+"""Ctrl-C, SIGTERM and SIGHUP end everything in order: exit code 0, no orphan, no traceback."""
 
 import os
 import signal
 import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 from loop_support import CONFIG, listening, start, stop, wait_for
 from rosbags.rosbag2 import Reader
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def appeared(listener, executable):
@@ -18,8 +20,7 @@ def appeared(listener, executable):
     return executable in names
 
 
-@pytest.mark.parametrize('number', NUMBERS)
-@pytest.mark.parametrize('executable', NODES)
+@pytest.mark.parametrize(('executable', 'number'), zip(NODES, NUMBERS, strict=True))
 def test_a_node_ends_on_a_signal(executable, number, domain, processes):
     process = start(executable, domain)
     processes.append(process)
@@ -30,6 +31,78 @@ def test_a_node_ends_on_a_signal(executable, number, domain, processes):
 
     assert code == 0, output
     assert 'Traceback' not in output
+
+
+def handles(pid, number):
+    """Whether the process has a handler of its own for a signal (proc(5), SigCgt)."""
+    status = Path(f'/proc/{pid}/status').read_text()
+    return bool(int(status.split('SigCgt:')[1].split()[0], 16) >> (number - 1) & 1)
+
+
+@pytest.mark.parametrize('number', NUMBERS)
+@pytest.mark.parametrize(
+    ('executable', 'arguments'),
+    [
+        ('plant_sim', []),
+        ('closed_loop', ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', '{tmp}']),
+        ('dvs_closed_loop', ['record', '{tmp}/bag']),
+        ('dvs_closed_loop', ['simulate', '--params-file', str(CONFIG / 'mirror_r3.yaml')]),
+    ],
+    ids=['node', 'closed_loop', 'record', 'simulate'],
+)
+def test_a_signal_during_the_imports_ends_a_program_in_order(
+    executable, arguments, number, domain, processes, tmp_path
+):
+    process = start(executable, domain, [a.format(tmp=tmp_path) for a in arguments])
+    processes.append(process)
+    # The last that is installed; Python itself handles SIGINT before.
+    while not handles(process.pid, signal.SIGHUP):
+        assert process.poll() is None
+
+    code, output = stop(process, number)
+
+    assert code == 0, output
+    assert output == ''
+
+
+@pytest.mark.parametrize(
+    'package', ['plant_sim', 'event_camera', 'hinf_controller', 'simulation', 'closed_loop']
+)
+def test_an_entry_point_imports_nothing_heavy_before_it_handles_signals(package):
+    program = (
+        f'import dvs_{package}.programs, sys; '
+        'print(*sorted({"numpy", "scipy", "rclpy", "yaml", "matplotlib"} & set(sys.modules)))'
+    )
+    run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+
+    assert (run.stdout.strip(), run.stderr) == ('', '')
+
+
+def test_a_closed_terminal_does_not_end_what_nohup_started(domain, processes):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = start('plant_sim', domain)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    processes.append(process)
+    with listening(domain) as listener:
+        assert listener.spin_until(lambda: appeared(listener, 'plant_sim'))
+        process.send_signal(signal.SIGHUP)
+        assert not listener.spin_until(lambda: process.poll() is not None, timeout_s=0.5)
+    assert stop(process)[0] == 0
+
+
+def test_a_hang_up_closes_the_bag_that_is_recorded(domain, processes, tmp_path):
+    bag = tmp_path / 'bag'
+    process = start('dvs_closed_loop', domain, ['record', str(bag)])
+    processes.append(process)
+    assert wait_for(lambda: (bag / '.reserve').exists())
+
+    code, output = stop(process, signal.SIGHUP)
+
+    assert code == 0, output
+    assert (bag / 'metadata.yaml').exists()
+    assert not (bag / '.reserve').exists()
 
 
 @pytest.mark.parametrize('executable', NODES)
@@ -64,7 +137,7 @@ def is_running(pid):
     return True
 
 
-@pytest.mark.parametrize('number', NUMBERS)
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
 def test_closed_loop_ends_on_a_signal(number, domain, processes, tmp_path):
     arguments = ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', str(tmp_path)]
     process = start('closed_loop', domain, [*arguments, '--duration', '1000'])

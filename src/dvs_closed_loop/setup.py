@@ -41,9 +41,9 @@ setup(
     license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
-            'dvs_closed_loop = dvs_closed_loop.cli:main',
-            'closed_loop = dvs_closed_loop.running.closed_loop:main',
-            'composed_loop = dvs_closed_loop.running.composed_loop:main',
+            'dvs_closed_loop = dvs_closed_loop.programs:dvs_closed_loop',
+            'closed_loop = dvs_closed_loop.programs:closed_loop',
+            'composed_loop = dvs_closed_loop.programs:composed_loop',
         ],
     },
 )

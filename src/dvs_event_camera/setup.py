@@ -32,11 +32,11 @@ setup(
     license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
-            'convert_events = dvs_event_camera.tools.convert_events:main',
-            'event_camera = dvs_event_camera.event_camera_node:main',
-            'packet_bridge = dvs_event_camera.tools.packet_bridge_node:main',
-            'scene = dvs_event_camera.tools.scene_node:main',
-            'show_events = dvs_event_camera.tools.show_events:main',
+            'convert_events = dvs_event_camera.programs:convert_events',
+            'event_camera = dvs_event_camera.programs:event_camera',
+            'packet_bridge = dvs_event_camera.programs:packet_bridge',
+            'scene = dvs_event_camera.programs:scene',
+            'show_events = dvs_event_camera.programs:show_events',
         ],
     },
 )

@@ -37,8 +37,8 @@ setup(
     license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
-            'design_controller = dvs_hinf_controller.design.design_tool:main',
-            'hinf_controller = dvs_hinf_controller.hinf_controller_node:main',
+            'design_controller = dvs_hinf_controller.programs:design_controller',
+            'hinf_controller = dvs_hinf_controller.programs:hinf_controller',
         ],
     },
 )

@@ -28,8 +28,8 @@ setup(
     license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
-            'plant_sim = dvs_plant_sim.plant_sim_node:main',
-            'pendulum_sim = dvs_plant_sim.pendulum_sim_node:main',
+            'plant_sim = dvs_plant_sim.programs:plant_sim',
+            'pendulum_sim = dvs_plant_sim.programs:pendulum_sim',
         ],
     },
 )

@@ -36,7 +36,7 @@ setup(
     license=manifest.findtext('license'),
     entry_points={
         'console_scripts': [
-            'dvs_simulation = dvs_simulation.cli:main',
+            'dvs_simulation = dvs_simulation.programs:dvs_simulation',
         ],
     },
 )

@@ -60,6 +60,9 @@ dvs_interfaces dvs_common.scenario model parameters reference_bounds scenario sc
 dvs_interfaces dvs_common.wire cdr events keyframe messages stamped topics
 """
 _RENAMED = {
+    'dvs_closed_loop.bag_recorder_node': 'dvs_closed_loop.bags.bag_recorder',
+    'dvs_closed_loop.dashboard_node': 'dvs_closed_loop.dashboard.dashboard_listener',
+    'dvs_closed_loop.tool_node': 'dvs_closed_loop.running.tool',
     'dvs_hinf_controller.reduced': 'dvs_hinf_controller.synthesis.one_pixel_plant',
     'dvs_hinf_controller.reduction': 'dvs_hinf_controller.synthesis.order_reduction',
     'dvs_plant_sim.lockstep_node': 'dvs_plant_sim.lockstep_driver',

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from dvs_common.errors import SuiteError
+from dvs_common.program import importing
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,8 @@ def run_subcommand(
     own, ros_arguments = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
     name = _parser(program, title, commands).parse_args(own[:1]).command
     try:
-        module = import_module(commands[name].module)
+        with importing():
+            module = import_module(commands[name].module)
         parser = argparse.ArgumentParser(
             prog=f'{program} {name}', description=commands[name].summary
         )

@@ -44,11 +44,11 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the port is taken or an argument breaks its rule.
     """
-    from dvs_closed_loop.dashboard.dashboard_node import DashboardListener
+    from dvs_closed_loop.dashboard.dashboard_listener import DashboardListener
     from dvs_closed_loop.dashboard.dashboard_server import DashboardServer
     from dvs_closed_loop.dashboard.live_view import LiveView
     from dvs_closed_loop.running.loop_parameters import LoopParameters
-    from dvs_closed_loop.running.tool_node import tool_node
+    from dvs_closed_loop.running.tool import tool_node
     from dvs_common.errors import ParameterError
     from dvs_common.scenario.scenario import load_scenario
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from dvs_closed_loop.bags.bag import RecordedBag
     from dvs_closed_loop.bags.streams import Stream
-    from dvs_closed_loop.running.tool_node import ToolNode
+    from dvs_closed_loop.running.tool import Tool
 
 _SETTLE_S = 0.5
 _WAIT_TURN_S = 0.1
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
         If the bag can't be read or an argument breaks its rule.
     """
     from dvs_closed_loop.bags.streams import STREAMS, chosen_streams
-    from dvs_closed_loop.running.tool_node import tool_node
+    from dvs_closed_loop.running.tool import tool_node
     from dvs_common.errors import ParameterError
 
     if not (math.isfinite(options.rate) and options.rate > 0):
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _publisher(tool: ToolNode, stream: Stream, bag: RecordedBag) -> Publisher:
+def _publisher(tool: Tool, stream: Stream, bag: RecordedBag) -> Publisher:
     from dvs_common.wire.topics import history_depth
 
     qos = stream.offered_qos
@@ -100,7 +100,7 @@ def _publisher(tool: ToolNode, stream: Stream, bag: RecordedBag) -> Publisher:
     return tool.node.create_publisher(stream.message_type, stream.topic, qos)
 
 
-def _wait_for_subscribers(tool: ToolNode, publishers: dict[str, Publisher]) -> None:
+def _wait_for_subscribers(tool: Tool, publishers: dict[str, Publisher]) -> None:
     said_at = time.monotonic() + _NAME_MISSING_AFTER_S
     while not tool.stop.received:
         lonely = [t for t, p in publishers.items() if not p.get_subscription_count()]
@@ -112,7 +112,7 @@ def _wait_for_subscribers(tool: ToolNode, publishers: dict[str, Publisher]) -> N
         tool.spin(_WAIT_TURN_S)
 
 
-def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: ToolNode, rate: float) -> int:
+def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: Tool, rate: float) -> int:
     """Publish every message at its instant; return how many were published."""
     from tqdm import tqdm
 
@@ -137,12 +137,12 @@ def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: ToolNode, ra
     return len(bag.messages)
 
 
-def _pause_until(deadline: float, tool: ToolNode) -> None:
+def _pause_until(deadline: float, tool: Tool) -> None:
     while (left := deadline - time.monotonic()) > _SHORTEST_PAUSE_S and not tool.stop.received:
         time.sleep(min(left, _WAIT_TURN_S))
 
 
-def _let_arrive(publishers: dict[str, Publisher], tool: ToolNode) -> None:
+def _let_arrive(publishers: dict[str, Publisher], tool: Tool) -> None:
     from rclpy.duration import Duration
 
     if not tool.stop.received:

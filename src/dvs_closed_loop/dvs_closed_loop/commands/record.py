@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dvs_closed_loop.bags.bag_recorder_node import BagRecorder
+    from dvs_closed_loop.bags.bag_recorder import BagRecorder
     from dvs_closed_loop.bags.recording import BagWriter
 
 _TURN_S = 0.1
@@ -59,11 +59,11 @@ def run(options: argparse.Namespace) -> int:
     SuiteError
         If the bag exists or can't grow, or an argument breaks its rule.
     """
-    from dvs_closed_loop.bags.bag_recorder_node import BagRecorder
+    from dvs_closed_loop.bags.bag_recorder import BagRecorder
     from dvs_closed_loop.bags.recording import BagWriter
     from dvs_closed_loop.bags.streams import chosen_streams
     from dvs_closed_loop.running.loop_parameters import LoopParameters
-    from dvs_closed_loop.running.tool_node import tool_node
+    from dvs_closed_loop.running.tool import tool_node
     from dvs_common.errors import ParameterError
     from dvs_common.scenario.scenario import load_scenario
 

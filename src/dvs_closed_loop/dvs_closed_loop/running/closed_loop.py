@@ -9,9 +9,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
-
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
@@ -21,7 +18,7 @@ from dvs_closed_loop.running.loop_runner import LoopError, run_loop
 from dvs_closed_loop.running.run_recorder import RECORDED
 from dvs_common.errors import SuiteError
 from dvs_common.node.node_plan import checked_namespace
-from dvs_common.node.spin import StopSignal
+from dvs_common.node.session import RosSession, ros_session
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
@@ -58,6 +55,7 @@ class LoopRun:
 def run_scenario(
     parameter_file: Path,
     output: Path,
+    session: RosSession,
     *,
     parameters: Mapping[str, object] | None = None,
     namespace: str = '',
@@ -72,6 +70,8 @@ def run_scenario(
         The scenario.
     output
         Folder for the results of this scenario; a former run's results in it are replaced.
+    session
+        Turns what observes the loop; a signal ends the run early.
     parameters
         Values that differ from the file.
     namespace
@@ -102,24 +102,25 @@ def run_scenario(
         plant_waits=True,
     )
     design = design_from_scenario(believed.replace(**parameters))
+    if session.stop.received:
+        raise InterruptedEarly
     output_folder(output)
     bag_path = output / 'bag'
     if bag_path.exists():
         shutil.rmtree(bag_path)
     for name in _OF_A_RUN:
         (output / name).unlink(missing_ok=True)
-    stop = StopSignal()
     with BagWriter(bag_path, {topic: STREAMS[topic].type_name for topic in RECORDED}) as bag:
         bag.keep_scenario(scenario, parameter_file.stem)
-        recorder = run_loop(scenario, plans, bag, stop)
-    if stop.received and not recorder.messages[topics.COMMAND]:
+        recorder = run_loop(scenario, plans, bag, session)
+    if session.stop.received and not recorder.messages[topics.COMMAND]:
         raise InterruptedEarly
     bounds = None
     try:
         trace = decode_trace(recorder.messages)
     except IncompleteTraceError as error:
         # A run that was cut off may lack the last answer to a sample; any other must be whole.
-        recorded = examine(read_bag(bag_path)) if stop.received else None
+        recorded = examine(read_bag(bag_path)) if session.stop.received else None
         if recorded is None or recorded.trace is None:
             raise LoopError(f'the recording is incomplete: {error}') from None
         trace = recorded.trace
@@ -130,7 +131,7 @@ def run_scenario(
         name=parameter_file.stem,
         h_star=design.figures.h_star,
         wall_seconds=recorder.wall_seconds,
-        interrupted=stop.received,
+        interrupted=session.stop.received,
         bounds=bounds,
     )
     verdict.save(output / 'result.json')
@@ -172,16 +173,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     output = options.output / options.namespace.strip('/') / options.params_file.stem
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        run = run_scenario(
-            options.params_file,
-            output,
-            parameters=given(duration=options.duration, mode=options.mode, method=options.method),
-            namespace=options.namespace,
-            elsewhere=options.elsewhere,
-            composed=options.composed,
-        )
+        with ros_session() as session:
+            run = run_scenario(
+                options.params_file,
+                output,
+                session,
+                parameters=given(
+                    duration=options.duration, mode=options.mode, method=options.method
+                ),
+                namespace=options.namespace,
+                elsewhere=options.elsewhere,
+                composed=options.composed,
+            )
     except SuiteError as error:
         print(f'closed_loop: {error}', file=sys.stderr)
         return error.exit_code
@@ -191,8 +195,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InterruptedEarly:
         print('interrupted before the first command')
         return 0
-    finally:
-        rclpy.try_shutdown()
     print(run.verdict)
     print(f'  results              {output}/  (bag, result.json, figure.png)')
     return 0 if run.verdict.passed or run.verdict.interrupted else 1

@@ -10,7 +10,6 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -20,7 +19,7 @@ from dvs_closed_loop.running.processes import NodeProcess
 from dvs_closed_loop.running.run_recorder import RunRecorder
 from dvs_common.errors import SuiteError
 from dvs_common.node.node_plan import NodePlan
-from dvs_common.node.spin import StopSignal
+from dvs_common.node.session import RosSession
 from dvs_common.scenario.parameters import CAMERA, CONTROLLER
 from dvs_common.scenario.scenario import Scenario
 
@@ -44,9 +43,9 @@ class LoopError(SuiteError):
 
 
 def run_loop(
-    scenario: Scenario, plans: Sequence[NodePlan], bag: BagWriter, stop: StopSignal
+    scenario: Scenario, plans: Sequence[NodePlan], bag: BagWriter, session: RosSession
 ) -> RunRecorder:
-    """Run a loop to its end or until `stop`; its nodes are gone afterwards.
+    """Run a loop to its end or until a signal; its nodes are gone afterwards.
 
     Parameters
     ----------
@@ -56,8 +55,8 @@ def run_loop(
         What to start; the plant is the last and waits to be activated.
     bag
         Where the messages go.
-    stop
-        Ends the run early.
+    session
+        Turns what observes the loop; a signal ends the run early.
 
     Returns
     -------
@@ -69,7 +68,7 @@ def run_loop(
     LoopError
         If a node fails, or the nodes do not find each other in time.
     """
-    loop = _RunningLoop(scenario, plans, bag, stop)
+    loop = _RunningLoop(scenario, plans, bag, session)
     try:
         loop.start()
         loop.watch()
@@ -80,15 +79,14 @@ def run_loop(
 
 class _RunningLoop:
     def __init__(
-        self, scenario: Scenario, plans: Sequence[NodePlan], bag: BagWriter, stop: StopSignal
+        self, scenario: Scenario, plans: Sequence[NodePlan], bag: BagWriter, session: RosSession
     ) -> None:
         self._scenario = scenario
         self._plans = plans
-        self._stop = stop
+        self._session = session
+        self._stop = session.stop
         self._processes: list[NodeProcess] = []
-        self._node = _observer(plans[-1])
-        self._executor = EventsExecutor()
-        self._executor.add_node(self._node)
+        self._node = session.add(_observer(plans[-1]))
         self._progress = LoopProgress(scenario.loop.duration)
         self.recorder = RunRecorder(self._node, scenario.loop.mode, bag)
 
@@ -121,9 +119,6 @@ class _RunningLoop:
         self._progress.close()
         for process in reversed(self._processes):
             process.stop()
-        self._executor.remove_node(self._node)
-        self._executor.shutdown()
-        self._node.destroy_node()
 
     def _require_alone(self) -> None:
         """Refuse to start beside a loop whose plant would hear our requests, and ours its."""
@@ -132,7 +127,7 @@ class _RunningLoop:
         while time.monotonic() < deadline and not self._stop.received:
             if client.service_is_ready():
                 raise LoopError(_COMPANY)
-            self._executor.spin_once(timeout_sec=0.05)
+            self._session.turn(0.05)
         self._node.destroy_client(client)
 
     def _meet_every_node(self) -> None:
@@ -161,7 +156,7 @@ class _RunningLoop:
                 raise LoopError(f'waited {_START_TIMEOUT_S:g} s in vain for {awaited}')
             self._check(self._processes)
             self._progress.waits_for(awaited)
-            self._executor.spin_once(timeout_sec=0.05)
+            self._session.turn(0.05)
 
     def _check(self, processes: Sequence[NodeProcess]) -> None:
         for process in processes:
@@ -181,7 +176,7 @@ class _RunningLoop:
     def _hear_for(self, seconds: float) -> None:
         deadline = time.monotonic() + seconds
         while (remaining := deadline - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=remaining)
+            self._session.turn(remaining)
         self._progress.update(self.recorder)
 
 

@@ -258,7 +258,7 @@ class ManagedNode(LifecycleNode):
         else:
             self.get_logger().info(reason)
 
-    def close(self) -> None:
+    def destroy_node(self) -> None:
         """Stop safely from whatever state, let readers get what was published, and go."""
         self._stop_acting()
         deadline_s = time.monotonic() + _FAREWELL_S
@@ -267,7 +267,7 @@ class ManagedNode(LifecycleNode):
                 left_s = max(0.0, deadline_s - time.monotonic())
                 entity.wait_for_all_acked(Duration(nanoseconds=as_nanoseconds(left_s)))
         self._destroy_entities()
-        self.destroy_node()
+        super().destroy_node()
 
     @property
     def autostart(self) -> bool:

@@ -11,13 +11,13 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
 from dvs_common.errors import ParameterError
+from dvs_common.node.session import ros_session
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import pack_events
 from dvs_event_camera.streams.packet_bridge import PacketBridge
 from dvs_event_camera.streams.pixel_map import PixelMap
 from dvs_event_camera.tools.packet_type import event_packet_type
-from dvs_event_camera.tools.plain_node import run_plain_node
 
 _DEPTH = 1000
 
@@ -67,9 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Command line with ROS arguments; `sys.argv` by default.
     """
-    command_line = sys.argv if arguments is None else arguments
     try:
-        return run_plain_node(lambda: PacketBridgeNode(event_packet_type()), command_line)
+        with ros_session(sys.argv if arguments is None else arguments) as ros:
+            ros.add(PacketBridgeNode(event_packet_type()))
+            while not ros.ended:
+                ros.turn()
     except ParameterError as error:
         print(f'cannot start: {error}', file=sys.stderr)
         return error.exit_code
+    return 0

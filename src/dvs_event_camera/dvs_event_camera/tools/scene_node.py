@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Image
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS, as_seconds
-from dvs_common.node.spin import StopSignal
+from dvs_common.node.session import own_arguments, ros_session
+from dvs_common.program import StopSignal
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.messages import pack_image
@@ -180,53 +178,51 @@ def encoded(frame: NDArray[Any], encoding: str | None) -> tuple[NDArray[Any], st
     return frame.astype(dtype), encoding
 
 
-def publish_frames(
-    node: Node,
-    showing: Showing,
-    options: argparse.Namespace,
-    stop: StopSignal,
-) -> None:
-    """Publish frames at their rate until they or the user stop.
+class SceneNode(Node):
+    """Publishes frames at their rate."""
 
-    Parameters
-    ----------
-    node
-        Node that publishes.
-    showing
-        The frames and their pace.
-    options
-        From `parse_arguments`.
-    stop
-        Set by SIGINT and SIGTERM.
-    """
-    publisher = node.create_publisher(Image, topics.LUMINOSITY, topics.stream_qos())
-    if not options.no_wait:
-        _await_subscriber(publisher, stop)
-    start_ns = node.get_clock().now().nanoseconds
-    start_s = time.monotonic()
-    for number, (elapsed_ns, frame) in enumerate(showing.frames):
-        if options.frames and number >= options.frames:
-            break
-        due = start_s + showing.pace * as_seconds(elapsed_ns)
-        while (pause := due - time.monotonic()) > 0 and not stop.received:
-            time.sleep(min(pause, _PATIENCE_S))
-        if stop.received:
+    def __init__(self) -> None:
+        super().__init__('scene')
+        self._publisher = self.create_publisher(Image, topics.LUMINOSITY, topics.stream_qos())
+
+    def publish(self, showing: Showing, options: argparse.Namespace, stop: StopSignal) -> None:
+        """Publish frames until they end or the user stops.
+
+        Parameters
+        ----------
+        showing
+            The frames and their pace.
+        options
+            From `parse_arguments`.
+        stop
+            Set by a signal.
+        """
+        if not options.no_wait:
+            self._await_subscriber(stop)
+        start_ns = self.get_clock().now().nanoseconds
+        start_s = time.monotonic()
+        for number, (elapsed_ns, frame) in enumerate(showing.frames):
+            if options.frames and number >= options.frames:
+                break
+            due = start_s + showing.pace * as_seconds(elapsed_ns)
+            while (pause := due - time.monotonic()) > 0 and not stop.received:
+                time.sleep(min(pause, _PATIENCE_S))
+            if stop.received:
+                return
+            pixels, encoding = encoded(frame, options.encoding)
+            self._publisher.publish(pack_image(start_ns + elapsed_ns, pixels, encoding))
+        self._publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
+
+    def _await_subscriber(self, stop: StopSignal) -> None:
+        """Wait for the first reader, since frames that nobody takes are lost."""
+        if self._publisher.get_subscription_count():
             return
-        pixels, encoding = encoded(frame, options.encoding)
-        publisher.publish(pack_image(start_ns + elapsed_ns, pixels, encoding))
-    publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
-
-
-def _await_subscriber(publisher: Any, stop: StopSignal) -> None:
-    """Wait for the first reader, since frames that nobody takes are lost."""
-    if publisher.get_subscription_count():
-        return
-    print(
-        f'waiting for a subscriber of {publisher.topic_name} (--no-wait: begin at once)',
-        file=sys.stderr,
-    )
-    while not stop.received and not publisher.get_subscription_count():
-        time.sleep(_PATIENCE_S)
+        print(
+            f'waiting for a subscriber of {self._publisher.topic_name} (--no-wait: begin at once)',
+            file=sys.stderr,
+        )
+        while not stop.received and not self._publisher.get_subscription_count():
+            time.sleep(_PATIENCE_S)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -238,25 +234,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Command line with ROS arguments; `sys.argv` by default.
     """
     command_line = list(sys.argv if arguments is None else arguments)
-    options = parse_arguments(remove_ros_args(command_line)[1:])
-    stop = StopSignal()
     try:
+        options = parse_arguments(own_arguments(command_line)[1:])
         showing = showing_of(options)
+        with ros_session(command_line) as ros:
+            ros.add(SceneNode()).publish(showing, options, ros.stop)
     except (ParameterError, MessageError) as error:
         print(f'cannot start: {error}', file=sys.stderr)
         return _USAGE_ERROR
-    try:
-        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        print(f'cannot start: {" ".join(str(error).split())}', file=sys.stderr)
-        return _USAGE_ERROR
-    node = rclpy.create_node('scene')
-    try:
-        publish_frames(node, showing, options, stop)
-    except MessageError as error:
-        print(f'cannot go on: {error}', file=sys.stderr)
-        return _USAGE_ERROR
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
     return 0

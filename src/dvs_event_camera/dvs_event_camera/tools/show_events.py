@@ -120,7 +120,6 @@ def _show(options: argparse.Namespace, command_line: Sequence[str]) -> int:
     show = EventShow(
         [*writers, *([summary] if options.json else [])], options.limit, options.seconds
     )
-    exit_code = 0
     damage = None
     try:
         if recording:
@@ -128,7 +127,7 @@ def _show(options: argparse.Namespace, command_line: Sequence[str]) -> int:
         else:
             # Only here ROS is needed.
             live = importlib.import_module('dvs_event_camera.tools.show_events_node')
-            exit_code = live.show_live(options.topic or 'events', show, command_line)
+            live.show_live(options.topic or 'events', show, command_line)
     finally:
         for writer in writers:
             writer.close()
@@ -141,7 +140,7 @@ def _show(options: argparse.Namespace, command_line: Sequence[str]) -> int:
         print(show.statistics.report(), file=sys.stderr)
     if damage:
         raise damage
-    return exit_code
+    return 0
 
 
 def _show_recording(recording: Recording, show: EventShow) -> DamagedFile | None:

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
+from dvs_common.node.session import ros_session
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_event_camera.files.bag_recording import CloudDecoder
 from dvs_event_camera.tools.event_show import EventShow
-from dvs_event_camera.tools.plain_node import run_plain_node
 
 _REPORT_S = 1.0
 
@@ -51,8 +51,8 @@ class ShowEventsNode(Node):
         return not self._show.done
 
 
-def show_live(topic: str, show: EventShow, arguments: Sequence[str]) -> int:
-    """Show packets as they come until a signal or the limit; returns the exit code.
+def show_live(topic: str, show: EventShow, arguments: Sequence[str]) -> None:
+    """Show packets as they come until a signal or the limit.
 
     Parameters
     ----------
@@ -62,11 +62,13 @@ def show_live(topic: str, show: EventShow, arguments: Sequence[str]) -> int:
         Where they go.
     arguments
         Command line with ROS arguments.
+
+    Raises
+    ------
+    ParameterError
+        If ROS refuses the arguments or the domain.
     """
-    nodes: list[ShowEventsNode] = []
-
-    def make_node() -> Node:
-        nodes.append(ShowEventsNode(topic, show))
-        return nodes[0]
-
-    return run_plain_node(make_node, arguments, turn=lambda: nodes[0].turn())
+    with ros_session(arguments) as ros:
+        node = ros.add(ShowEventsNode(topic, show))
+        while not ros.ended and node.turn():
+            ros.turn()

@@ -1,0 +1,167 @@
+"""The one way into rclpy and out again: start, executor, signals, end.
+
+`rclpy.experimental.EventsExecutor` turns its loop several times as fast as the default executor,
+which rebuilds its wait set at every turn. Its `spin()` and its `spin_once()` without a timeout
+deadlock in rclpy 7.1, so a session always gives a timeout; see docs/architecture.md.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TypeVar
+
+import rclpy
+from rclpy.exceptions import InvalidHandle
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from dvs_common.errors import ParameterError
+from dvs_common.program import StopSignal
+
+# Longest wait for a message, and so the longest delay of a signal.
+_TURN_S = 0.1
+# Ports of DDS end there (RTPS 2.2, 9.6.1.1).
+_LAST_DOMAIN = 232
+
+AnyNode = TypeVar('AnyNode', bound=Node)
+
+
+class RosSession:
+    """rclpy between start and end, with the nodes that are turned together.
+
+    Parameters
+    ----------
+    stop
+        Whether a signal has come.
+    """
+
+    def __init__(self, stop: StopSignal) -> None:
+        self.stop = stop
+        self._executor = EventsExecutor()
+        self._nodes: list[Node] = []
+
+    def add(self, node: AnyNode) -> AnyNode:
+        """Take a node in, and return it.
+
+        Parameters
+        ----------
+        node
+            Node to be turned, and destroyed at the end.
+        """
+        self._executor.add_node(node)
+        self._nodes.append(node)
+        return node
+
+    @property
+    def ended(self) -> bool:
+        """Whether a signal has come or ROS was shut down."""
+        return self.stop.received or not rclpy.ok()
+
+    def turn(self, timeout_s: float = _TURN_S) -> None:
+        """Handle what has come, or wait for something.
+
+        Parameters
+        ----------
+        timeout_s
+            Longest wait, s.
+        """
+        # What was taken down by a transition may still have an event in the queue.
+        with suppress(InvalidHandle):
+            self._executor.spin_once(timeout_sec=min(timeout_s, _TURN_S))
+
+    def spin(self, seconds: float) -> None:
+        """Handle what comes for a while, or until a signal.
+
+        Parameters
+        ----------
+        seconds
+            Wall-clock time, s.
+        """
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0 and not self.stop.received:
+            self.turn(left)
+
+    def close(self) -> None:
+        """Take the nodes down."""
+        for node in self._nodes:
+            self._executor.remove_node(node)
+        self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+
+
+@contextmanager
+def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
+    """Start rclpy, and end it whatever happens.
+
+    Parameters
+    ----------
+    arguments
+        Command line with ROS arguments.
+
+    Raises
+    ------
+    ParameterError
+        If ROS_DOMAIN_ID is no domain, or ROS refuses the arguments.
+    """
+    stop = StopSignal()
+    require_domain()
+    try:
+        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise _refused(arguments, error) from None
+    try:
+        session = RosSession(stop)
+        try:
+            yield session
+        finally:
+            session.close()
+    finally:
+        rclpy.try_shutdown()
+
+
+def require_domain() -> None:
+    """Raise `ParameterError` if ROS_DOMAIN_ID is no domain."""
+    text = os.environ.get('ROS_DOMAIN_ID', '').strip()
+    try:
+        # As strtoul reads it: 0x10 is hexadecimal, 010 octal.
+        domain = int(text, 8 if re.fullmatch('0[0-7]+', text) else 0) if text else 0
+    except ValueError:
+        domain = -1
+    if not 0 <= domain <= _LAST_DOMAIN:
+        raise ParameterError(
+            'ROS_DOMAIN_ID', text, f'must be a whole number from 0 to {_LAST_DOMAIN}'
+        )
+
+
+def own_arguments(arguments: Sequence[str]) -> list[str]:
+    """Return what of a command line is not ROS's, the program's name first.
+
+    Parameters
+    ----------
+    arguments
+        Command line with ROS arguments.
+
+    Raises
+    ------
+    ParameterError
+        If ROS refuses its arguments.
+    """
+    try:
+        return list(remove_ros_args(list(arguments)))
+    except RuntimeError as error:
+        raise _refused(arguments, error) from None
+
+
+def _refused(arguments: Sequence[str], error: RuntimeError) -> ParameterError:
+    message = ' '.join(str(error).split())
+    if 'Sequence should be of same type' in message:
+        message += ' (ROS wants all numbers of a list alike: write 1.0 beside 0.5, not 1)'
+    first = list(arguments).index('--ros-args') + 1 if '--ros-args' in arguments else 0
+    return ParameterError('ros-args', ' '.join(arguments[first:]), message)

@@ -1,0 +1,84 @@
+"""How a program of the suite begins and ends: a signal ends it in order from the first import on.
+
+Entry points name this module and nothing that imports more, so that the handlers are there before
+NumPy and rclpy, which take half a second.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from types import FrameType
+
+# Ctrl-C, the end of a service, a closed terminal or ssh session.
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+Handler = Callable[[int, FrameType | None], None]
+
+
+class StopSignal:
+    """Remembers a signal that ends the program, which then ends in order at its next turn."""
+
+    def __init__(self) -> None:
+        self.received = False
+        _handle(self._receive)
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self.received = True
+
+
+def run_program(module: str) -> int:
+    """Import a module and run its `main`; returns the exit code, 0 after a signal.
+
+    A signal ends the program at once while it imports. Later it interrupts `main` like Ctrl-C,
+    unless `main` makes a `StopSignal`.
+
+    Parameters
+    ----------
+    module
+        Full name of the module.
+    """
+    _handle(_leave)
+    main = import_module(module).main
+    _handle(_interrupt)
+    try:
+        return int(main())
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        # While the interpreter goes, a second signal would end it with another exit code.
+        _handle(signal.SIG_IGN)
+
+
+@contextmanager
+def importing() -> Iterator[None]:
+    """Let a signal end the program at once while it imports more: nothing is to be tidied up."""
+    is_program = signal.getsignal(signal.SIGTERM) is _interrupt
+    if is_program:
+        _handle(_leave)
+    yield
+    if is_program:
+        _handle(_interrupt)
+
+
+def ignore_signals() -> None:
+    """Let nothing interrupt what a program still does at its end."""
+    _handle(signal.SIG_IGN)
+
+
+def _handle(handler: Handler | signal.Handlers) -> None:
+    for number in ENDING:
+        # nohup has a program ignore that its terminal is closed.
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    os._exit(0)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,33 @@
+"""ROS is entered in one way: what is set around it is checked before."""
+
+import pytest
+
+from dvs_common.errors import ParameterError
+from dvs_common.node.session import own_arguments, require_domain, ros_session
+
+
+@pytest.mark.parametrize('text', ['', ' 7 ', '0', '232', '0x10', '017', '+3'])
+def test_a_domain_of_ros_is_taken_as_ros_reads_it(text, monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', text)
+
+    require_domain()
+
+
+@pytest.mark.parametrize('text', ['233', '500', '-1', 'abc', '1.5', '0x', '1 2', '99999999999'])
+def test_a_domain_that_is_none_is_refused(text, monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', text)
+
+    with pytest.raises(ParameterError, match=r'must be a whole number from 0 to 232'):
+        require_domain()
+
+
+def test_arguments_that_ros_refuses_are_told():
+    with pytest.raises(ParameterError, match='ros-args = -p: Failed to parse'):
+        own_arguments(['program', '--ros-args', '-p', ''])
+
+
+def test_a_session_ends_ros_even_after_an_error():
+    with pytest.raises(ZeroDivisionError), ros_session():
+        raise ZeroDivisionError
+    with ros_session() as session:
+        assert not session.ended
