@@ -3,6 +3,7 @@
 import subprocess
 from itertools import pairwise
 
+import numpy as np
 import pytest
 import yaml
 from loop_support import (
@@ -25,6 +26,7 @@ from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.wire import topics
+from dvs_common.wire.events import parse_events
 from dvs_common.wire.messages import pack_clock, parse_command
 from dvs_common.wire.stamped import stamp_of
 from dvs_simulation.judging.verdict import sector_ratios
@@ -196,6 +198,34 @@ def test_play_ends_on_ctrl_c(domain, processes, tmp_path):
     assert code == 0, output
     assert 'Traceback' not in output
     assert '0 of 1 messages played' in output
+
+
+def test_a_file_of_a_sensor_is_played_as_our_events(domain, processes, tmp_path):
+    t = 10**6 * np.arange(1, 61)
+    x, y, p, noise = t // 10**6 % 40, t // 10**6 % 30, t // 10**6 % 2, t // 10**6 % 3 == 0
+    np.savez(tmp_path / 'sensor.npz', x=x, y=y, t=t, p=p, noise=noise)
+    with listening(domain) as listener:
+        heard, labels = listener.streams[topics.EVENTS], []
+        kind, qos = STREAMS[topics.EVENTS].message_type, topics.stream_qos()
+        listener.node.create_subscription(kind, topics.EVENTS_LABEL, labels.append, qos, raw=True)
+        arguments = ['play', str(tmp_path / 'sensor.npz'), '--wait', '--binning', '2']
+        region = ['--region', '10', '0', '20', '30']
+        player = start('dvs_closed_loop', domain, [*arguments, *region])
+        processes.append(player)
+        assert listener.spin_until(lambda: player.poll() is not None)
+        listener.spin_until(lambda: len(labels) >= len(heard), 5)
+    inside = (x >= 10) & (x < 30)
+    packets = [parse_events(bytes(message)) for message in heard]
+    assert player.returncode == 0, player.stdout.read()
+    events = np.concatenate([packet.events for packet in packets])
+    times = np.concatenate([packet.stamp_ns + packet.events['t'] for packet in packets])
+    assert np.array_equal(times, t[inside])
+    assert np.array_equal(events['x'], (x[inside] - 10) // 2)
+    assert np.array_equal(events['y'], y[inside] // 2)
+    assert np.array_equal(events['polarity'], 2 * p[inside] - 1)
+    assert events['index'].tolist() == list(range(len(events)))
+    noisy = np.concatenate([parse_events(bytes(message)).events for message in labels])
+    assert int(noisy['noise'].sum()) == int(noise[inside].sum())
 
 
 @pytest.mark.parametrize(

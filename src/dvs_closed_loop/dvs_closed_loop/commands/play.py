@@ -1,6 +1,7 @@
-"""Publish a bag again: the recorded bytes, with their original spacing.
+"""Publish a recording again: a loop's recorded bytes, or a sensor's events, as they were spaced.
 
-Topics, types and quality of service are those of the wire contract. Ends with the bag or Ctrl-C.
+Topics, types and quality of service are those of the wire contract. Events of a driver's bag or
+of a file are published as `events`, in the time of the sensor. Ends with the recording or Ctrl-C.
 """
 
 from __future__ import annotations
@@ -49,6 +50,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--delay', type=float, default=0.0, help='seconds to wait before the first message'
     )
     parser.add_argument('--namespace', default='', help='namespace to publish into')
+    parser.add_argument(
+        '--region',
+        nargs=4,
+        type=int,
+        default=(),
+        metavar=('X', 'Y', 'WIDTH', 'HEIGHT'),
+        help='part of the sensor to play, of a recording of a sensor',
+    )
+    parser.add_argument(
+        '--binning', type=int, default=1, help='sensor pixels a side that make one of the loop'
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -65,8 +77,11 @@ def run(options: argparse.Namespace) -> int:
         If the bag can't be read or an argument breaks its rule.
     """
     from dvs_closed_loop.bags.streams import STREAMS, chosen_streams
+    from dvs_closed_loop.commands.play_recording import play_recording
     from dvs_closed_loop.running.tool import tool_node
     from dvs_common.errors import ParameterError
+    from dvs_common.wire import topics
+    from dvs_event_camera.files.open_recording import is_sensor_recording
 
     if not (math.isfinite(options.rate) and options.rate > 0):
         raise ParameterError('rate', options.rate, 'must be a finite number > 0')
@@ -74,6 +89,8 @@ def run(options: argparse.Namespace) -> int:
         raise ParameterError('delay', options.delay, 'must be a finite number >= 0')
     if options.topics is not None:
         chosen_streams(options.topics)
+    if options.topics in (None, [topics.EVENTS]) and is_sensor_recording(options.bag):
+        return play_recording(options)
     bag = chosen_bag(options, options.topics)
     if not bag.messages:
         raise ParameterError('topics', options.topics, f'have no messages in {options.bag}')
@@ -83,10 +100,10 @@ def run(options: argparse.Namespace) -> int:
             for topic in sorted({message.topic for message in bag.messages})
         }
         if options.wait:
-            _wait_for_subscribers(tool, publishers)
+            wait_for_subscribers(tool, publishers)
         tool.spin(max(_SETTLE_S, options.delay))
         sent = _play(bag, publishers, tool, options.rate)
-        _let_arrive(publishers, tool)
+        let_arrive(publishers, tool)
     print(f'{options.bag}: {sent} of {len(bag.messages)} messages played')
     return 0
 
@@ -100,7 +117,16 @@ def _publisher(tool: Tool, stream: Stream, bag: RecordedBag) -> Publisher:
     return tool.node.create_publisher(stream.message_type, stream.topic, qos)
 
 
-def _wait_for_subscribers(tool: Tool, publishers: dict[str, Publisher]) -> None:
+def wait_for_subscribers(tool: Tool, publishers: dict[str, Publisher]) -> None:
+    """Wait until every topic has a subscriber.
+
+    Parameters
+    ----------
+    tool
+        Node of the tool.
+    publishers
+        Publishers by topic.
+    """
     said_at = time.monotonic() + _NAME_MISSING_AFTER_S
     while not tool.stop.received:
         lonely = [t for t, p in publishers.items() if not p.get_subscription_count()]
@@ -127,7 +153,7 @@ def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: Tool, rate: 
     ) as bar:
         for sent, message in enumerate(bag.messages):
             due_s = as_seconds(message.received_ns - first_ns)
-            _pause_until(started + due_s / rate, tool)
+            pause_until(started + due_s / rate, tool)
             if tool.stop.received:
                 return sent
             publishers[message.topic].publish(message.data)
@@ -137,12 +163,30 @@ def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: Tool, rate: 
     return len(bag.messages)
 
 
-def _pause_until(deadline: float, tool: Tool) -> None:
+def pause_until(deadline: float, tool: Tool) -> None:
+    """Sleep until an instant or a signal.
+
+    Parameters
+    ----------
+    deadline
+        Instant of the monotonic clock, s.
+    tool
+        Node of the tool.
+    """
     while (left := deadline - time.monotonic()) > _SHORTEST_PAUSE_S and not tool.stop.received:
         time.sleep(min(left, _WAIT_TURN_S))
 
 
-def _let_arrive(publishers: dict[str, Publisher], tool: Tool) -> None:
+def let_arrive(publishers: dict[str, Publisher], tool: Tool) -> None:
+    """Wait until the last messages have arrived.
+
+    Parameters
+    ----------
+    publishers
+        Publishers by topic.
+    tool
+        Node of the tool.
+    """
     from rclpy.duration import Duration
 
     if not tool.stop.received:

@@ -24,7 +24,8 @@ from dvs_event_camera.streams.sensor_events import SensorEvents
 POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
 # A cloud under another name is one of points.
 _CLOUD_NAMES = (topics.EVENTS_LABEL, topics.EVENTS)
-_OTHER_TYPES = (MESSAGE_TYPE, EVENT_ARRAY)
+# Messages of drivers.
+SENSOR_TYPES = frozenset((MESSAGE_TYPE, EVENT_ARRAY))
 # What counts in microseconds; `mono`, `dvs_msgs` and our own `events` count nanoseconds.
 _WHOLE_MICROSECONDS = ('evt3', 'libcaer', 'libcaer_cmp')
 Decode = Callable[[bytes, int], Stretch]
@@ -103,7 +104,7 @@ def choose_topic(bag: BagFile, topic: str | None) -> BagTopic:
 def _carries_events(topic: BagTopic, *, named: bool) -> bool:
     if topic.type_name == POINT_CLOUD:
         return named or topic.name.rpartition('/')[2] in _CLOUD_NAMES
-    return topic.type_name in _OTHER_TYPES
+    return topic.type_name in SENSOR_TYPES
 
 
 def _best(found: list[BagTopic]) -> list[BagTopic]:

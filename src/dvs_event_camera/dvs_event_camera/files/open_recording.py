@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from dvs_common.errors import ParameterError
+from dvs_common.wire import topics
 from dvs_event_camera.files.aedat4 import aedat4_recording
-from dvs_event_camera.files.bag_recording import bag_recording
+from dvs_event_camera.files.bag_file import BagFile
+from dvs_event_camera.files.bag_recording import POINT_CLOUD, SENSOR_TYPES, bag_recording
 from dvs_event_camera.files.hdf5_file import hdf5_recording
 from dvs_event_camera.files.numpy_file import npy_recording, npz_recording
 from dvs_event_camera.files.raw_file import raw_recording
@@ -29,6 +31,34 @@ _READERS = {
 _BAGS = ('.mcap', '.db3', '.bag', '.zstd')
 
 
+def is_sensor_recording(path: Path) -> bool:
+    """Whether a path is a recording of a sensor, and not of our own `events`.
+
+    Parameters
+    ----------
+    path
+        A file or bag.
+
+    Raises
+    ------
+    ParameterError
+        If it is a bag that can't be read.
+    """
+    if not _is_bag(path):
+        return path.suffix.lower() in _READERS
+    with BagFile(path) as bag:
+        types = {topic.type_name for topic in bag.topics}
+        own = any(
+            topic.type_name == POINT_CLOUD and topic.name.rpartition('/')[2] == topics.EVENTS
+            for topic in bag.topics
+        )
+    return not own and bool(types & SENSOR_TYPES)
+
+
+def _is_bag(path: Path) -> bool:
+    return path.is_dir() or path.suffix.lower() in _BAGS
+
+
 def open_recording(path: Path, topic: str | None = None) -> Recording:
     """Recording of a file or a bag.
 
@@ -46,7 +76,7 @@ def open_recording(path: Path, topic: str | None = None) -> Recording:
     """
     if not path.exists():
         raise ParameterError('file', path, 'does not exist')
-    if path.is_dir() or path.suffix.lower() in _BAGS:
+    if _is_bag(path):
         return bag_recording(path, topic)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
