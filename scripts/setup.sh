@@ -101,7 +101,7 @@ fi
 wanted=$(checksum "${requirements[@]}")
 if ! is_current "$venv/.dvs-$with_tests" "$wanted"; then
     check_disk
-    install_packages $(printf -- '-r %s ' "${requirements[@]}")
+    install_packages "${requirements[@]/#/--requirement=}"
     if has_apt_ros && ! command -v colcon >/dev/null; then
         install_packages colcon-common-extensions 'setuptools<80'
     fi
