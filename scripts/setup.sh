@@ -80,6 +80,14 @@ build() {
         --log-base log build --symlink-install
 }
 
+# colcon and setuptools write the interpreter's path as it is, which ends at its first space.
+quote_interpreter() {
+    find "$root/install" -maxdepth 1 -name 'local_setup.*' -exec \
+        sed -i 's/(\$_colcon_python_executable /("$_colcon_python_executable" /' {} +
+    find "$root/install" -path '*/lib/*' -type f -perm -u+x -exec \
+        sed -i "1s|^#!\(\".*\"\).*|#!/bin/sh\n'''exec' \1 \"\$0\" \"\$@\"\n' '''|" {} +
+}
+
 log=$(mktemp -t dvs-setup-XXXXXX.log)
 requirements=("$root/requirements.txt")
 if has_apt_ros; then
@@ -117,6 +125,7 @@ if ! is_current "$root/install/.dvs" "$wanted"; then
         tail -n 20 "$log" >&2
         fail "colcon build failed (log: $log)"
     fi
+    quote_interpreter
     echo "$wanted" >"$root/install/.dvs"
 fi
 rm -f "$log"

@@ -101,7 +101,7 @@ def test_run_passes_exit_code_and_names_what_is_not_there():
     assert 'no executable none in package dvs_plant_sim' in missing.stderr
 
 
-def test_a_ros_from_apt_is_used(tmp_path, domain):
+def test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut(tmp_path, domain):
     """A prefix like /opt/ros/jazzy that leads to the wheels stands in for apt's."""
     files = subprocess.run(
         ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
@@ -112,8 +112,8 @@ def test_a_ros_from_apt_is_used(tmp_path, domain):
     ).stdout
     for name in filter(None, files.split('\0')):
         if (ROOT / name).is_file():
-            (tmp_path / 'repo' / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, tmp_path / 'repo' / name)
+            (tmp_path / 'my wörk' / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tmp_path / 'my wörk' / name)
     prefix = tmp_path / 'opt' / 'ros' / 'jazzy'
     prefix.mkdir(parents=True)
     wheels = Path(sys.prefix)
@@ -132,7 +132,7 @@ def test_a_ros_from_apt_is_used(tmp_path, domain):
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
-    repo = tmp_path / 'repo'
+    repo = tmp_path / 'my wörk'
     setup = subprocess.run(
         [repo / 'scripts' / 'setup.sh'],
         env=environment,
