@@ -3,12 +3,23 @@
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
-if [ "${1:-}" = --help ]; then
-    echo "usage: scripts/test.sh [PYTEST ARGUMENT ...]"
-    echo
-    echo "Sets up, runs ruff and mypy, then pytest with the given arguments."
-    exit 0
-fi
+usage() {
+    cat <<'TEXT'
+usage: scripts/test.sh [--fast | --long] [PYTEST ARGUMENT ...]
+
+Sets up, runs ruff and mypy, then pytest with the given arguments.
+
+  --fast   only the tests of the cores that start no other process
+  --long   also what runs for minutes to hours; a short form of it is always run
+  --help   show this text
+TEXT
+}
+
+which=whole
+case ${1:-} in
+    --help) usage; exit 0 ;;
+    --fast | --long) which=${1#--}; shift ;;
+esac
 "$here/setup.sh" --test
 # shellcheck source=scripts/env.sh
 source "$here/env.sh"
@@ -21,11 +32,19 @@ ruff format --check "${ours[@]}"
 ruff check "${ours[@]}"
 mypy
 
-# Most tests wait for processes to start and to meet: several at a time. A file's tests stay together.
+# Most tests wait for processes to start and to meet: several at a time. A file's tests stay
+# together, and those that wait longest, test/, come first.
 workers=$(nproc)
 [ "$workers" -le 4 ] || workers=4
 chosen() {
     python -m pytest "$@" || { status=$?; [ $status = 5 ]; }    # 5: none of this kind was asked for
 }
-chosen -m 'not wall_clock' -n "$workers" --dist loadfile "$@"
-chosen -m wall_clock "$@"
+together=(-n "$workers" --dist loadfile --no-loadscope-reorder)
+case $which in
+    fast) chosen -m 'not processes and not wall_clock and not long' "${together[@]}" "$@" src ;;
+    *)
+        chosen -m 'not wall_clock and not long' "${together[@]}" "$@"
+        chosen -m 'wall_clock and not long' "$@"
+        ;;
+esac
+if [ $which = long ]; then chosen -m long --timeout 0 "$@"; fi

@@ -24,6 +24,8 @@ from dvs_event_camera.streams.packet_decoder import PacketDecoder
 from dvs_event_camera.streams.sensor_events import SensorEvents
 from dvs_event_camera.tools.packet_type import event_packet_type
 
+pytestmark = pytest.mark.processes
+
 MS = 1_000_000
 CAMERA = 'event_camera_node'
 

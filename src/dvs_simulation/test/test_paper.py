@@ -12,6 +12,8 @@ from dvs_simulation.paper.reproduce import reproduce_paper
 from dvs_simulation.paper.story import CAPTIONS
 from dvs_simulation.paper.table import optimal_spacing
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(scope='module')
 def paper(tmp_path_factory):

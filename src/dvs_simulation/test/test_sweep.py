@@ -23,6 +23,8 @@ from dvs_simulation.sweep.sweep_figures import save_study_figure
 from dvs_simulation.sweep.table import ResultTable, read_rows
 from dvs_simulation.sweep.threshold import critical_thresholds, run_threshold_task
 
+pytestmark = pytest.mark.processes
+
 
 def square(*, number: int) -> list[dict[str, float]]:
     return [{'value': number**2 + i} for i in range(2)]
