@@ -1,5 +1,6 @@
 """Pages that are made from the code are up to date, and pages name what exists."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -54,9 +55,90 @@ def test_the_index_lists_every_page():
     assert listed == {page.name for page in DOCS.glob('*.md')} - {'README.md'}
 
 
-@pytest.mark.parametrize('page', sorted(DOCS.glob('*.md')), ids=lambda path: path.name)
-def test_links_between_pages_lead_somewhere(page):
-    targets = re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', page.read_text())
-    local = [target for target in targets if '://' not in target]
+PAGES = (ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted(DOCS.glob('*.md')))
+LINK = re.compile(r'\]\((?!https?://)([^)#\s]*)(?:#([^)\s]+))?\)')
 
-    assert not [target for target in local if not (page.parent / target).exists()]
+
+def anchors(page):
+    """Anchors that GitHub gives the headings of a page."""
+    text = re.sub(r'(?ms)^```.*?^```$', '', page.read_text(encoding='utf-8'))
+    titles = [title.replace('`', '').lower() for title in re.findall(r'(?m)^#{1,6} (.*)$', text)]
+    return {re.sub(r'[^\w\- ]', '', title).strip().replace(' ', '-') for title in titles}
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda path: path.name)
+def test_links_lead_to_files_and_headings(page):
+    for target, anchor in LINK.findall(page.read_text(encoding='utf-8')):
+        path = (page.parent / target).resolve() if target else page
+        assert path.exists(), target
+        assert not anchor or path.suffix != '.md' or anchor in anchors(path), f'{target}#{anchor}'
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda path: path.name)
+def test_a_page_begins_with_one_heading_and_what_it_answers(page):
+    title, _, rest = page.read_text(encoding='utf-8').partition('\n')
+    paragraph = rest.strip().partition('\n\n')[0]
+
+    assert title.startswith('# ')
+    assert len(paragraph.split()) > 8, paragraph
+    assert not re.match(r'[#|<!]|```', paragraph), paragraph
+
+
+def definition(path, dotted):
+    """Node of the syntax tree that defines a name, `Class.method` too; None if there is none."""
+    body = ast.parse(path.read_text(encoding='utf-8')).body
+    found = None
+    for name in dotted.split('.'):
+        found = next((node for node in body if name in names_of(node)), None)
+        body = getattr(found, 'body', [])
+    return found
+
+
+def names_of(node):
+    if isinstance(node, ast.ClassDef | ast.FunctionDef):
+        return [node.name]
+    targets = getattr(node, 'targets', [getattr(node, 'target', None)])
+    return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+def source_file(name):
+    """File of the architecture page: below its package, or below the root."""
+    package = name.partition('/')[0]
+    return ROOT / name if package in ('scripts', 'test') else ROOT / 'src' / package / name
+
+
+def test_the_table_of_questions_names_files_that_define_the_answer():
+    text = (DOCS / 'architecture.md').read_text(encoding='utf-8')
+    rows = re.findall(r'(?m)^\| ([^|]+\?) \| `([^`]+)` \| `([^`]+)` \|$', text)
+
+    assert len(rows) >= 30
+    for question, file, name in rows:
+        assert definition(source_file(file), name) is not None, (question, file, name)
+
+
+def test_the_way_of_an_event_names_files_that_exist():
+    text = (DOCS / 'architecture.md').read_text(encoding='utf-8')
+    way = text.partition('## The way of one event')[2].partition('\n## ')[0]
+    files = re.findall(r'`(dvs_\w+/[\w/]+\.py)`', way)
+
+    assert len(files) > 10
+    assert [file for file in files if not source_file(file).is_file()] == []
+
+
+@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', *DOCS.glob('*.md')], ids=str)
+def test_files_that_a_page_names_exist(page):
+    text = re.sub(r'(?ms)^```.*?^```$', '', (ROOT / page).read_text(encoding='utf-8'))
+    named = re.findall(r'`((?:src|test|scripts|config|examples|docs)/[\w./-]*\w)`', text)
+
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_what_contributing_names_beside_a_file_is_there():
+    """A row's further file names stand for files in the folder that the row names first."""
+    text = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
+    for row in re.findall(r'(?m)^\| (?:a|an) .*$', text):
+        first = re.search(r'`(src/[^`]+)`', row)
+        folder = ROOT / (first[1] if first else '.')
+        folder = folder if folder.is_dir() else folder.parent
+        for name in re.findall(r'`(\w+\.py)`', row):
+            assert (folder / name).is_file(), name

@@ -12,7 +12,13 @@ from documentation import blocks_of
 from loop_support import ROOT, environment
 
 PAGES = [
-    page for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))) if page.exists()
+    page
+    for page in (
+        ROOT / 'README.md',
+        ROOT / 'CONTRIBUTING.md',
+        *sorted((ROOT / 'docs').glob('*.md')),
+    )
+    if page.exists()
 ]
 WITH_COMMANDS = [
     page
@@ -102,14 +108,6 @@ def test_what_is_not_run_says_why():
 
 def test_pages_with_special_checks_exist():
     assert set(CHECKS) <= {name_of(page) for page in WITH_COMMANDS}
-
-
-@pytest.mark.parametrize('page', PAGES, ids=name_of)
-def test_links_between_pages_lead_somewhere(page):
-    targets = re.findall(r'\]\((?!https?://|#)([^)#\s]+)', page.read_text(encoding='utf-8'))
-    paths = {(page.parent / target).resolve() for target in targets}
-    missing = {path.relative_to(ROOT).as_posix() for path in paths if not path.exists()}
-    assert not missing
 
 
 def test_the_reader_of_pages_sees_blocks_files_and_reasons(tmp_path):

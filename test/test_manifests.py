@@ -189,3 +189,22 @@ def test_a_changelog_is_one_that_catkin_tools_read(package: Path) -> None:
     released = rf'{re.escape((ROOT / "VERSION").read_text().strip())} \([\d-]+\)'
     assert re.match(rf'({FORTHCOMING_LABEL}|{released})\n-+\n\* \S', text[len(head) :])
     assert get_changelog_from_path(str(package), package.name) is not None
+
+
+def test_colcon_runs_the_tests_of_a_package(tmp_path: Path) -> None:
+    """Every setup.py names pytest among what its tests need, which makes colcon run it."""
+    for package in PACKAGES:
+        extras = setup_arguments(package)['extras_require']
+        assert isinstance(extras, dict) and any('pytest>' in need for need in extras['test'])
+    colcon = 'import sys; from colcon_core.command import main; sys.exit(main())'
+    run = subprocess.run(
+        [sys.executable, '-c', colcon, '--log-base', str(tmp_path / 'log'), 'test']
+        + ['--build-base', str(tmp_path / 'build'), '--packages-select', 'dvs_plant_sim']
+        + ['--event-handlers', 'console_direct+'],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+
+    assert re.search(r'\d+ passed', run.stdout), run.stdout + run.stderr
+    assert run.returncode == 0, run.stdout + run.stderr

@@ -218,7 +218,12 @@ TYPED = (
     Rule(TOOLS + 'record .*', runs_until_ctrl_c(r'hears command'), CTRL_C),
     Rule(TOOLS + '(play|report) .*', runs()),
     Rule(r'scripts/bench\.sh( .*)?', benchmark_is_understood, 'takes minutes, installs packages'),
-    Rule(r'scripts/(demo|test)\.sh', explains_itself, 'sets up, and this is one of the tests'),
+    Rule(
+        r'scripts/(demo|test|setup)\.sh( --\w+)?',
+        explains_itself,
+        'sets up, and this is one of the tests',
+    ),
+    Rule(RUN + r'\.venv/bin/python -m pytest .*', runs()),
     Rule('pip install .*', names_packages, 'test_library.py installs them elsewhere'),
     Rule(r'ros2 run dvs_\w+ .*', goes_with_our_runner, 'ros2 comes with ROS from apt only'),
     Rule('(export ROS_SECURITY|ros2 security ).*', nothing, 'sros2 comes with ROS from apt only'),
@@ -232,9 +237,13 @@ NAMED = (
     Rule('ros2 lifecycle set .*', is_transition, 'ros2 comes with ROS from apt only'),
     Rule('ros2 topic echo .*', is_topic, 'ros2 comes with ROS from apt only'),
     Rule(RUN + '.*', is_executable, 'part of a command'),
-    Rule(r'scripts/\w+\.(sh|py)( loop)?', is_script, 'makes figures, or is in a block too'),
+    Rule(
+        r'scripts/\w+\.(sh|py)( loop| --fast)?', is_script, 'makes figures, or is in a block too'
+    ),
     Rule(r'dvs_closed_loop \w+', is_subcommand, 'part of a command'),
     Rule(r'source install/setup\.bash', runs()),
+    Rule('pip install', nothing, 'no whole command'),
+    Rule('colcon test', nothing, 'test_manifests.py runs it'),
     Rule('apt-get install chromium chromium-driver', nothing, 'system packages; .ci/run has them'),
     Rule('mcap recover', nothing, 'a tool of others'),
     Rule('timeout -s INT|kill -9|tc netem', nothing, 'no whole command'),
