@@ -75,7 +75,7 @@ def main() -> None:
         slow = ('--ros-args', '-p', 'real_time_factor:=0.5', '-p', 'duration:=60.0')
         processes.append(start('dvs_event_camera', 'event_camera', *slow))
         processes.append(start('dvs_hinf_controller', 'hinf_controller', *slow))
-        # The plant comes last, so that the page hears the run from its beginning.
+        # The plant comes last, so that the page receives the run from its beginning.
         time.sleep(4)
         processes.append(start('dvs_plant_sim', 'plant_sim', *slow))
         photograph(url)

@@ -70,7 +70,7 @@ def start(executable: str, domain: int, arguments: list[str] | None = None) -> s
 
 
 def stop(process: subprocess.Popen, number: int = signal.SIGINT) -> tuple[int, str]:
-    """Send a signal; return exit code and output; fail if the process does not listen."""
+    """Send a signal; return exit code and output; fail if the process does not react."""
     if process.poll() is None:
         process.send_signal(number)
     try:

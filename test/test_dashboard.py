@@ -118,7 +118,7 @@ def test_the_page_without_a_loop_says_so(browser, domain, processes):
 
     browser.get(url)
 
-    assert wait_for(lambda: text_of(browser, 'status') == 'no loop heard')
+    assert wait_for(lambda: text_of(browser, 'status') == 'no loop received')
     assert browser.get_log('browser') == []
     code, output = stop(dashboard)
     assert code == 0, output

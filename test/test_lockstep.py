@@ -72,4 +72,4 @@ def test_a_missing_partner_is_named(domain, processes):
     time.sleep(4.5)
     _, output = stop(plant)
 
-    assert 'nobody subscribes to luminosity; is event_camera running?' in output
+    assert 'luminosity has no subscriber; is event_camera running?' in output

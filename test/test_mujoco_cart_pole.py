@@ -1,4 +1,4 @@
-"""examples/mujoco_cart_pole: a simulator of somebody else in the loop, from model to verdict."""
+"""examples/mujoco_cart_pole: another simulator in the loop, from model to verdict."""
 
 import sys
 from pathlib import Path

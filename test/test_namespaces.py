@@ -1,4 +1,4 @@
-"""Two loops side by side in two namespaces of one domain, and none hears the other."""
+"""Two loops side by side in two namespaces of one domain, and neither receives from the other."""
 
 import subprocess
 

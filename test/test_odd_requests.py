@@ -1,4 +1,4 @@
-"""What nobody should ask for is refused, and the node lives on."""
+"""Requests that make no sense are refused, and the node goes on."""
 
 import subprocess
 

@@ -80,7 +80,7 @@ def test_replayed_events_give_the_recorded_commands(mode, new_domain, processes,
     again = tmp_path / 'again'
     recorder = start('dvs_closed_loop', domain, ['record', str(again), '--topics', 'command'])
     processes.append(recorder)
-    lines_until(recorder, ['hears command'])
+    lines_until(recorder, ['receives command'])
     # The controller may take some seconds longer to meet the recorder than the other way round.
     options = ['--topics', 'events', '--wait', '--delay', '4', '--rate', '0.5']
     player = start('dvs_closed_loop', domain, ['play', str(original.path), *options])
@@ -106,7 +106,7 @@ def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes,
     for node in ('event_camera', 'hinf_controller', 'plant_sim'):
         processes.append(start(node, domain, ['--ros-args', '--params-file', str(scenario)]))
     heard = ['luminosity', 'events', 'command', 'state', 'estimate']
-    lines_until(recorder, [f'hears {topic}' for topic in heard])
+    lines_until(recorder, [f'receives {topic}' for topic in heard])
     with pytest.raises(subprocess.TimeoutExpired):
         recorder.wait(timeout=3)
     code, output = stop(recorder)
@@ -134,7 +134,7 @@ def test_duration_ends_a_recording_and_the_bag_is_not_overwritten(domain, tmp_pa
     second = subprocess.run(command, env=environment(domain), capture_output=True, text=True)
 
     assert first.returncode == 0, first.stderr
-    assert 'nothing heard' in first.stdout
+    assert 'nothing received' in first.stdout
     assert second.returncode == 2
     assert 'is not overwritten' in second.stderr
     assert 'Traceback' not in second.stderr

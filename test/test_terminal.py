@@ -35,7 +35,7 @@ class Terminal:
         self._reader.start()
 
     def _read(self, screen):
-        # Reading a terminal that nobody writes to any more is an error.
+        # Reading a terminal that is no longer written to is an error.
         try:
             while part := os.read(screen, 65536):
                 self.text += part.decode()
@@ -78,7 +78,7 @@ def test_a_recorder_shows_messages_and_size(domain, processes, tmp_path):
 
     moving = re.compile(r'recording: [1-9]\d* messages .* events/s, ')
     assert wait_for(
-        lambda: moving.search(terminal.text) and 'hears luminosity' in terminal.text, 60
+        lambda: moving.search(terminal.text) and 'receives luminosity' in terminal.text, 60
     ), terminal.text
     code = terminal.interrupt()
 

@@ -215,7 +215,7 @@ TYPED = (
         'takes half a minute; src/dvs_closed_loop/test/test_paper.py runs it with fewer pictures',
     ),
     Rule(TOOLS + 'dashboard', serves_a_page, CTRL_C),
-    Rule(TOOLS + 'record .*', runs_until_ctrl_c(r'hears command'), CTRL_C),
+    Rule(TOOLS + 'record .*', runs_until_ctrl_c(r'receives command'), CTRL_C),
     Rule(TOOLS + '(play|report) .*', runs()),
     Rule(r'scripts/bench\.sh( .*)?', benchmark_is_understood, 'takes minutes, installs packages'),
     Rule(

@@ -144,7 +144,7 @@ def test_messages_recorded_twice_count_once(tmp_path):
     assert run.streams[topics.EVENTS].repeated == 60
 
 
-def test_messages_that_nobody_can_read_are_left_out_and_counted(tmp_path):
+def test_unreadable_messages_are_left_out_and_counted(tmp_path):
     recorded = small_run()
     broken = {150: b'', 151: recorded[151][2][:30], 152: b'\x00\x01', 154: recorded[150][2]}
     recorded = [

@@ -27,7 +27,7 @@ finally:
     if _backend is not None:
         os.environ['MPLBACKEND'] = _backend
 if _backend:
-    # What matplotlib does itself; a backend that is not installed is left to whoever needs one.
+    # What matplotlib does itself; a missing backend is left to the module that needs one.
     with suppress(ValueError):
         mpl.rcParams['backend'] = _backend
 

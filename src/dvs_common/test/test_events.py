@@ -131,7 +131,7 @@ def test_rclpy_reads_our_packet_and_we_do(dtype, stamp_ns, count):
 
 
 def point_cloud(events, **changes):
-    """The packet as somebody else's program would publish it: other order, another frame."""
+    """The packet as another program would publish it: other order, another frame."""
     kinds = {'u2': PointField.UINT16, 'i4': PointField.INT32, 'u4': PointField.UINT32}
     kinds |= {'i1': PointField.INT8, 'u1': PointField.UINT8}
     fields = [

@@ -56,7 +56,7 @@ def test_a_place_where_nothing_can_be_is_named(place, tmp_path):
         write_text(tmp_path / place, 'text')
 
 
-def test_a_folder_of_somebody_else_is_named(tmp_path):
+def test_a_folder_of_another_user_is_named(tmp_path):
     if os.geteuid() == 0:
         pytest.skip('root may write everywhere')
     tmp_path.chmod(0o500)

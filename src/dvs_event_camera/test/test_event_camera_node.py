@@ -83,7 +83,7 @@ def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
     assert np.array_equal(np.frombuffer(frames[2].data, '<i4').reshape(2, 3), sums)
 
 
-def test_whoever_looks_gets_pictures_sums_and_packets_and_a_restart_is_told(graph):
+def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(graph):
     camera = graph.start(
         CAMERA, stub=True, event_threshold=0.3, display_rate=1000.0, label_noise='true'
     )
@@ -159,7 +159,7 @@ def test_scene_to_camera_to_table(graph, tmp_path):
     scene = graph.start('tools.scene_node', 'grating', '--size', '8x16', '--period', '8')
     code, _, err = show.wait()
     assert code == 0, err
-    assert re.search(r'\d packets, \d+ events in \d', err) or 'no packet heard' in err
+    assert re.search(r'\d packets, \d+ events in \d', err) or 'no packet received' in err
     assert scene.stop()[0] == 0
     assert camera.stop()[0] == 0
     columns = np.loadtxt(table, delimiter=',', skiprows=1, dtype=np.int64)

@@ -211,7 +211,7 @@ def test_the_rate_is_said_in_a_unit_that_can_be_read(events, rate):
 def test_empty_stream_has_a_line_too():
     report = StreamStatistics().report()
 
-    assert str(report) == 'no packet heard'
+    assert str(report) == 'no packet received'
     assert math.isnan(report.delay_s)
 
 

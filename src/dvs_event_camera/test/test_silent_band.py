@@ -1,4 +1,4 @@
-"""Small arrays leave silent frames for later: nobody may be able to tell."""
+"""Small arrays leave silent frames for later, without any visible difference."""
 
 import math
 

@@ -40,7 +40,7 @@ _BYTES_A_PIXEL = 8
 
 
 class HinfControllerNode(ManagedNode):
-    """Takes `events`; publishes `command`, and `estimate` while somebody listens.
+    """Takes `events`; publishes `command`, and `estimate` while it has a subscriber.
 
     Verifies its counts by the sensor's `keyframe` and asks for one after a late start or a loss.
 
@@ -75,7 +75,7 @@ class HinfControllerNode(ManagedNode):
         self._request_publisher = self.advertise(
             Empty, topics.KEYFRAME_REQUEST, topics.stream_qos()
         )
-        # Of all that is heard, events alone must not be lost while this process does not run.
+        # Of all inputs, events alone must not be lost while this process does not run.
         depth = topics.history_depth(EVENT_DTYPE.itemsize * pixels)
         events = topics.handshake_qos(scenario.loop.mode, depth)
         self.listen(PointCloud2, topics.EVENTS, self._take, events)

@@ -203,7 +203,7 @@ def test_what_a_loss_has_added_goes_with_a_keyframe():
     assert known.counts.tolist() == [2, 0, 1]
 
 
-def test_so_many_lost_events_that_nothing_is_known_leave_an_estimate_that_nobody_certifies():
+def test_so_many_lost_events_that_nothing_is_known_leave_an_estimate_that_is_not_certified():
     known = intervals()
     before = known.estimate.copy()
 
@@ -292,7 +292,7 @@ def test_a_bound_that_is_none_is_refused_by_name(numbers):
 def test_counts_out_of_all_numbers_change_nothing():
     for compiled, size in ((False, 5000), (True, 5000)):
         known = intervals(compiled=compiled)
-        with pytest.raises(MessageError, match='no light does that'):
+        with pytest.raises(MessageError, match='the luminosity is not physically possible'):
             known.apply(*events(*[(0, 1)] * size))
         assert known.counts.tolist() == [0, 0, 0]
 

@@ -185,9 +185,9 @@ class PlantNode(ManagedNode):
     def missing_partner(self) -> str:
         """Why no command comes, in words."""
         if not self._luminosity_publisher.get_subscription_count():
-            return 'nobody subscribes to luminosity; is event_camera running?'
+            return 'luminosity has no subscriber; is event_camera running?'
         if not self.count_publishers(topics.COMMAND):
-            return 'nobody publishes command; is hinf_controller running?'
+            return 'command has no publisher; is hinf_controller running?'
         return 'camera and controller are there but do not answer'
 
     # -- details --------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The half of a plant node that runs on the wall clock, which waits for nobody."""
+"""The half of a plant node that runs on the wall clock, which does not wait."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvs_plant_sim.plant_node import PlantNode
 
 _FAILURE = 1
-# A machine that stalls lets a plant run on; longer than this nobody would call it a run.
+# A machine that stalls lets a plant run on; beyond this it is no run.
 _LONGEST_STALL_S = 10.0
 # What the clock may gain on the time that passes, with a simulated clock that runs fast.
 _MOST_GAIN_S, _MOST_GAIN = 1.0, 10.0

@@ -25,7 +25,7 @@ def test_a_command_from_the_future_is_refused():
     assert handshake.accepts(0)
 
 
-def test_turns_count_while_nobody_answers():
+def test_turns_count_without_an_answer():
     handshake = Handshake(period_ns=10, last_sample=0)
     handshake.sent()
     assert [handshake.wait() for _ in range(3)] == [1, 2, 3]

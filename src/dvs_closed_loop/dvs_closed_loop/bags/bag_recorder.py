@@ -1,4 +1,4 @@
-"""Subscribes to the loop's streams and writes what it hears to a bag."""
+"""Subscribes to the loop's streams and writes what it receives to a bag."""
 
 from __future__ import annotations
 

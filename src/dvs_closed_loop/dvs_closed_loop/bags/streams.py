@@ -26,7 +26,7 @@ class Stream:
     latched
         Whether its last messages wait for a late subscriber, in lockstep at least.
     on_demand
-        Whether it is published only while somebody listens, and is made from other streams.
+        Whether it is published only while it has a subscriber, and is made from other streams.
     """
 
     topic: str

@@ -1,7 +1,7 @@
 """Serve a live page of the running loop: error, phase portrait, events and estimate.
 
-Hears the loop's topics and asks its nodes for the set-point and the tolerance. Only this machine
-can open the page unless --host says otherwise. Ends on Ctrl-C.
+Subscribes to the loop's topics and asks its nodes for the set-point and the tolerance. Only this
+machine can open the page unless --host says otherwise. Ends on Ctrl-C.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='+',
         metavar='TOPIC',
         help='topics of the wire contract (default: all '
-        'but those made only while somebody listens)',
+        'but those made only while there is a subscriber)',
     )
     parser.add_argument(
         '--params-file', type=Path, help='scenario to store in the bag (default: ask the nodes)'
@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
         parameters = LoopParameters(tool.node)
         with BagWriter(path, names, storage=options.storage) as bag:
             recorder = BagRecorder(tool.node, streams, bag)
-            # Whoever starts the loop after this line misses nothing that DDS can deliver.
+            # A loop started after this line is recorded whole, as far as DDS delivers.
             print(f'recording {len(streams)} topics to {path}/', flush=True)
             started = time.monotonic()
             next_question = started
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
                     for line in recorder.adapt():
                         progress.say(line)
                     for topic in recorder.newly_heard():
-                        progress.say(f'hears {topic}')
+                        progress.say(f'receives {topic}')
                     if not parameters.complete and time.monotonic() >= next_question:
                         parameters.ask()
                         next_question = time.monotonic() + _ASK_PERIOD_S
@@ -114,7 +114,7 @@ def _summary(recorder: BagRecorder, path: Path) -> str:
         losses += f'; the camera started again ({index.restarts} times)'
     if index.first_index:
         losses += f'; the recording began at event {index.first_index}'
-    return f'{path}/: {counts or "nothing heard"}\n  {index.events} events, {losses}'
+    return f'{path}/: {counts or "nothing received"}\n  {index.events} events, {losses}'
 
 
 class _Progress:

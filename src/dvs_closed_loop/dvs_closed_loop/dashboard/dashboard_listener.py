@@ -1,4 +1,4 @@
-"""Lets a live view hear the loop's topics."""
+"""Subscribes a live view to the loop's topics."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DashboardListener:
     node
         Node that carries the subscriptions.
     view
-        Who hears the messages.
+        What receives the messages.
     """
 
     def __init__(self, node: Node, view: LiveView) -> None:

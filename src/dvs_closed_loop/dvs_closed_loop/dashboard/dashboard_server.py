@@ -157,7 +157,7 @@ class DashboardServer:
 def is_expected_host(host: str, listening: str) -> bool:
     """Whether a request's Host header names this page, and not a site that points to it.
 
-    A name can be made to point here by whoever owns it; an address and ``localhost`` can't.
+    A name can be made to point here by the owner of the name; an address and ``localhost`` can't.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """What a live page shows: turns the streams of a running loop into small frames.
 
-Hearing a message costs next to nothing; a frame decodes the few messages that it shows.
+Receiving a message costs next to nothing; a frame decodes the few messages that it shows.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ class LiveView:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Topics to hear."""
+        """Topics to subscribe to."""
         return (*self._heard, topics.ESTIMATE)
 
     @property
     def has_news(self) -> bool:
-        """Whether anything was heard since the last frame."""
+        """Whether anything was received since the last frame."""
         return any(self._heard.values())
 
     def hear(self, topic: str, message: bytes) -> None:

@@ -77,7 +77,7 @@ def run_scenario(
     namespace
         Namespace of the whole loop; empty for none.
     elsewhere
-        Nodes that are started by somebody else, as on another machine.
+        Nodes that are started elsewhere, as on another machine.
     composed
         Whether the three nodes share one process.
 

@@ -97,11 +97,11 @@ def loop_plan(
     parameters
         Values that differ from the file.
     elsewhere
-        Roles, out of `MOVABLE_ROLES`, that somebody else plays.
+        Roles, out of `MOVABLE_ROLES`, that nodes started elsewhere play.
     composed
         Whether all nodes share one process.
     plant_waits
-        Whether the plant node is to be activated by somebody instead of by itself.
+        Whether the plant node is to be activated from outside instead of by itself.
 
     Raises
     ------

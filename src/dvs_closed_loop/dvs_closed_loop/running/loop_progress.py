@@ -59,7 +59,7 @@ class LoopProgress:
         Parameters
         ----------
         recorder
-            What has been heard.
+            What has been received.
         """
         commands = recorder.messages[topics.COMMAND]
         if len(commands) < 2:

@@ -1,4 +1,4 @@
-"""Starts the nodes of one scenario, hears them run to the end and stops them."""
+"""Starts the nodes of one scenario, receives their messages to the end and stops them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from dvs_common.scenario.scenario import Scenario
 _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
 _SETTLE_S = 0.3
-# The run is heard to its end when nothing more arrives for a while; what was lost on the way is
+# The run is complete when nothing more arrives for a while; what was lost on the way is
 # sent again when the middleware next asks for it, every 3 s.
 _QUIET_S = 0.3
 _REPAIR_S = 7.0
@@ -61,7 +61,7 @@ def run_loop(
     Returns
     -------
     RunRecorder
-        What was heard.
+        What was received.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class _RunningLoop:
         self._change_state(client, Transition.TRANSITION_ACTIVATE)
 
     def watch(self) -> None:
-        """Hear the loop to its end."""
+        """Receive the loop's messages to its end."""
         plant = self._processes[-1]
         while plant.exit_code is None and not self._stop.received:
             self._check(self._processes[:-1])
@@ -121,7 +121,7 @@ class _RunningLoop:
             process.stop()
 
     def _require_alone(self) -> None:
-        """Refuse to start beside a loop whose plant would hear our requests, and ours its."""
+        """Refuse to start beside a loop whose plant would receive our requests, and ours its."""
         client = self._node.create_client(ChangeState, 'plant_sim/change_state')
         deadline = time.monotonic() + _LOOK_AROUND_S
         while time.monotonic() < deadline and not self._stop.received:

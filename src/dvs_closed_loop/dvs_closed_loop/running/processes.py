@@ -16,7 +16,7 @@ from dvs_common.errors import ParameterError
 from dvs_common.node.node_plan import NodePlan
 
 _GRACE_S = 5.0
-# Isolated and without site packages: quick, and deaf to the user's Python settings.
+# Isolated and without site packages: quick, and independent of the user's Python settings.
 _TIED_TO_US = (sys.executable, '-I', '-S', Path(__file__).with_name('ends_with_parent.py'))
 
 
@@ -91,7 +91,7 @@ class NodeProcess:
         return self._process.poll()
 
     def stop(self) -> int:
-        """End the node with SIGTERM, or SIGKILL if it does not listen; return its exit code."""
+        """End the node with SIGTERM, or SIGKILL if it does not react; return its exit code."""
         if self._process.poll() is None:
             self._process.terminate()
         try:

@@ -1,4 +1,4 @@
-"""Hears every topic of a running loop: keeps the messages and writes them to a bag."""
+"""Subscribes to every topic of a running loop, keeps the messages and writes them to a bag."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class RunRecorder:
         return sum(map(len, self.messages.values()))
 
     def has(self, samples: int) -> bool:
-        """Whether every topic that a verdict needs has been heard so often.
+        """Whether every topic that a verdict needs has been received so often.
 
         Parameters
         ----------
@@ -123,6 +123,6 @@ def _qos(topic: str, mode: str) -> QoSProfile:
         qos = topics.latched_qos()
     else:
         qos = topics.stream_qos()
-    # The loop does not wait for those who only listen: messages queue up here while we write.
+    # The loop does not wait for mere subscribers: messages queue up here while we write.
     qos.depth = topics.LISTENER_DEPTH
     return qos

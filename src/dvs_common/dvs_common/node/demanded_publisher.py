@@ -1,4 +1,4 @@
-"""A publisher of what nobody should work for while nobody listens."""
+"""A publisher whose messages are made only while it has subscribers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rclpy.publisher import Publisher
 
 
 class DemandedPublisher:
-    """Publisher of what is worth its work only while somebody listens.
+    """Publisher whose messages are made only while it has a subscriber.
 
     Asking the middleware for the number of subscribers takes longer than many a message: `wanted`
     is looked up ten times a second.
@@ -24,7 +24,7 @@ class DemandedPublisher:
         self.wanted = False
 
     def look(self) -> None:
-        """Find out whether somebody listens."""
+        """Find out whether there is a subscriber."""
         self.wanted = self._publisher.get_subscription_count() > 0
 
     def publish(self, message: Any) -> None:

@@ -1,4 +1,4 @@
-"""How a node feels: one level, one sentence and the figures behind it, for /diagnostics."""
+"""The health of a node on /diagnostics: one level, one sentence and the figures behind it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enum import IntEnum
 class Level(IntEnum):
     """Levels of diagnostic_msgs/DiagnosticStatus.
 
-    OK: all is well. WARN: it works, but somebody should look. ERROR: what the node says is wrong
+    OK: all is well. WARN: it works, but needs attention. ERROR: what the node publishes is wrong
     or misses something. STALE: its input has stopped.
     """
 

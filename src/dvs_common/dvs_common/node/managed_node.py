@@ -154,7 +154,7 @@ class ManagedNode(LifecycleNode):
     def advertise_on_demand(
         self, message_type: type, topic: str, qos: QoSProfile
     ) -> DemandedPublisher:
-        """Publisher that tells whether anybody listens; see `advertise`.
+        """Publisher that knows whether it has subscribers; see `advertise`.
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class ManagedNode(LifecycleNode):
     def listen(
         self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: QoSProfile
     ) -> None:
-        """Subscribe to serialized messages; only an active node hears them.
+        """Subscribe to serialized messages; only an active node receives them.
 
         A message that `handler` refuses with `MessageError` is counted and reported, once at
         first and then at most every five seconds; it never ends the node. Nor does a defect in
@@ -321,7 +321,7 @@ class ManagedNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Leave `state`: close the valves."""
         self._stop_acting()
-        # What comes while the node is inactive is not heard: new subscriptions get it again.
+        # What comes while the node is inactive is not received: new subscriptions get it again.
         self._configured = None
         return super().on_deactivate(state)
 

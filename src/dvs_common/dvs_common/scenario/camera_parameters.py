@@ -8,7 +8,7 @@ from dvs_common.scenario.fields import ParameterGroup, parameter
 from dvs_common.scenario.nodes import CAMERA
 from dvs_common.scenario.schema import NON_NEGATIVE, POSITIVE, SHARE, Interval
 
-# Nobody means more, and stamps and arrays have an end.
+# More is a slip, and stamps and arrays have an end.
 _UP_TO_A_MILLION = Interval(low=0, high=1e6)
 
 
@@ -59,7 +59,7 @@ class CameraParameters(ParameterGroup):
     )
     image_reliability: str = parameter(
         'reliable',
-        'QoS of the image input: best_effort also hears drivers that offer no more',
+        'QoS of the image input: best_effort also receives from drivers that offer no more',
         nodes=(CAMERA,),
         choices=('reliable', 'best_effort'),
     )
@@ -153,7 +153,7 @@ class DisplayParameters(ParameterGroup):
 
     display_rate: float = parameter(
         25.0,
-        'Rate of event_image in the time of the samples, while somebody looks',
+        'Rate of event_image in the time of the samples, while it has a subscriber',
         nodes=(CAMERA,),
         unit='Hz',
         interval=Interval(low=0.001, high=1000000.0),

@@ -71,7 +71,7 @@ def stream_qos(depth: int = _DEPTH) -> QoSProfile:
 
 
 def latched_qos(depth: int = _DEPTH) -> QoSProfile:
-    """QoS of a stream whose last messages wait for whoever comes late: reliable, transient local.
+    """QoS of a stream whose last messages wait for late subscribers: reliable, transient local.
 
     Parameters
     ----------

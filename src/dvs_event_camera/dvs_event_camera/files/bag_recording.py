@@ -153,7 +153,7 @@ def _form_of(bag: BagFile, topic: BagTopic) -> _Form:
             packet = parse_event_packet(message.data)
             return _Form(encoding=packet.encoding, width=packet.width, height=packet.height)
     except (MessageError, DamagedFile):
-        # Whoever reads on meets it again, with the messages that are whole.
+        # A reader that goes on meets it again, with the messages that are whole.
         pass
     return _Form(encoding='unknown')
 

@@ -59,7 +59,7 @@ class StreamReport:
     def __str__(self) -> str:
         """One line."""
         if not self.messages:
-            return 'no packet heard'
+            return 'no packet received'
         share = f'{100 * self.on_events / self.events:.1f}' if self.events else '-'
         restarts = f', {self.restarts} restarts' if self.restarts else ''
         restarts += f', {self.repeated} packets twice' if self.repeated else ''

@@ -33,7 +33,7 @@ class Footage:
     frames
         Grey pictures, shape (height, width) each.
     count
-        Number of pictures, 0 if nobody knows.
+        Number of pictures, 0 if it is not known.
     rate
         Pictures a second that the file states, Hz; None if it states none.
     stamps_ns

@@ -65,7 +65,7 @@ def parse_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument('--frames', type=int, default=0, help='stop after so many (0: never)')
     parser.add_argument(
-        '--no-wait', action='store_true', help='begin before anybody has subscribed to luminosity'
+        '--no-wait', action='store_true', help='begin before luminosity has a subscriber'
     )
     parser.add_argument(
         '--encoding', choices=sorted(_DTYPE_OF), help='of the images (default: as fits the source)'
@@ -214,7 +214,7 @@ class SceneNode(Node):
         self._publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
 
     def _await_subscriber(self, stop: StopSignal) -> None:
-        """Wait for the first reader, since frames that nobody takes are lost."""
+        """Wait for the first reader, since frames without a subscriber are lost."""
         if self._publisher.get_subscription_count():
             return
         print(

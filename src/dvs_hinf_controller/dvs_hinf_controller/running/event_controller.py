@@ -138,7 +138,7 @@ class EventController:
         """Note that events stamped after `after_ns` are fired at another threshold.
 
         A sensor announces the threshold with its first sample too; one that does so in the midst
-        of our packets has started again, with references that nobody here knows.
+        of our packets has started again, with references that are not known here.
 
         Parameters
         ----------

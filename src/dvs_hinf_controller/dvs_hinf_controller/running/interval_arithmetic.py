@@ -58,7 +58,7 @@ class Cut:
     confirmed
         Pixels whose interval had a part in common with the measured one, shape (r,).
     contradicted
-        Pixels whose interval had none, shape (r,): a noise event, or a loss that nobody told.
+        Pixels whose interval had none, shape (r,): a noise event, or a loss that was not reported.
     """
 
     confirmed: Bools
@@ -117,5 +117,6 @@ def require_finite(logarithm: FloatArray) -> None:
     largest = float(np.max(np.abs(logarithm), initial=0.0))
     if not largest < LARGEST_LOGARITHM:
         raise MessageError(
-            f'a reference would be e^{largest:.6g} times what it was at first: no light does that'
+            f'a reference would be e^{largest:.6g} times what it was at first: '
+            'the luminosity is not physically possible'
         )

@@ -126,7 +126,7 @@ class ReferenceIntervals:
         lower, upper = self._ends
         usable = self.known
         if self._counted is not None:
-            # Better a count that may be wrong than no estimate at all; nobody calls it certified.
+            # Better a count that may be wrong than no estimate; it is not called certified.
             lower = np.where(usable, lower, self._counted[0])
             upper = np.where(usable, upper, self._counted[1])
             usable = half_widths(lower, upper) <= _UNKNOWN_WIDTH

@@ -1,4 +1,4 @@
-"""Which pixels are worth listening to: those that absolute measurements do not contradict."""
+"""Which pixels are used: those that absolute measurements do not contradict."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WORST = 8 * _CONTRADICTION
 class PixelHealth:
     """Masks a pixel whose anchors contradict its events again and again.
 
-    A contradiction now and then is an event of noise or a loss that nobody has told; a hot pixel,
+    A contradiction now and then is an event of noise or a loss that was not reported; a hot pixel,
     whose reference leaks faster than `leak_uncertainty` allows, meets one at almost every anchor.
     A masked pixel comes back when its anchors have agreed with it for long enough.
 

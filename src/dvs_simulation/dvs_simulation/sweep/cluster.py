@@ -1,6 +1,6 @@
 """Where a sweep runs: processes of this machine, or a Dask scheduler somewhere.
 
-Whoever reaches a Dask scheduler runs code of their own on its workers. So the local cluster
+A program that reaches a Dask scheduler can run any code on its workers. So the local cluster
 listens on loopback alone, its web page is off unless asked for, and a shared scheduler takes TLS
 files.
 """

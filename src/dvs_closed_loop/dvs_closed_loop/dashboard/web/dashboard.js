@@ -404,7 +404,7 @@ function showStatus(source) {
   const status = byId('status');
   let [state, text] = ['live', 'live'];
   if (source.readyState !== EventSource.OPEN) [state, text] = ['lost', 'connection lost'];
-  else if (!movedAt) [state, text] = ['silent', 'no loop heard'];
+  else if (!movedAt) [state, text] = ['silent', 'no loop received'];
   else if (performance.now() - movedAt > SILENT_MS) [state, text] = ['silent', 'loop is silent'];
   if (paused && state === 'live') text = 'live, paused here';
   status.dataset.state = state;
