@@ -1,6 +1,6 @@
 """Message class of `event_camera_msgs/EventPacket`, also where that package is not installed.
 
-Whoever has ROS from wheels cannot build a package of messages. Bytes that are sent and received
+With ROS from wheels no package of messages can be built. Bytes that are sent and received
 serialized need no more of a class than what DDS has to know of it: a name, the types of the
 fields, and functions that are never called. So the type support of a message that is installed is
 copied with another description. Its structures are those of `message_type_support_struct.h`
