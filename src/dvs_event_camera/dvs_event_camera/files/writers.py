@@ -16,10 +16,12 @@ times are rounded down.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dvs_common.errors import ParameterError
+from dvs_common.writing import WriteError, naming_file
 from dvs_event_camera.files.aedat4_writer import Aedat4Writer
 from dvs_event_camera.files.hdf5_writer import Hdf5Writer
 from dvs_event_camera.files.numpy_writer import NpzWriter, TonicWriter
@@ -95,6 +97,7 @@ class LazyWriter:
     ) -> None:
         self._path = path
         self._make = _WRITERS[name]
+        self._rows_of_text = self._make in (text_writer, csv_writer)
         self._size = (width, height)
         self._whole_microseconds = whole_microseconds
         self._labelled = False
@@ -107,15 +110,17 @@ class LazyWriter:
         ------
         ParameterError
             If the format has no place for what the events carry.
+        WriteError
+            If the disk is full; rows of text that were written before stay.
         """
         labelled = events.noise is not None
-        if self._writer is None:
-            self._writer = self._begin(labelled)
-        elif labelled and not self._labelled:
+        if self._writer is not None and labelled and not self._labelled:
             raise ParameterError(
                 'output', self._path, 'was begun without labels, and now come some'
             )
-        self._writer.add(events if labelled or not self._labelled else events.with_labels())
+        with self._nothing_useless_left():
+            self._writer = self._writer or self._begin(labelled)
+            self._writer.add(events if labelled or not self._labelled else events.with_labels())
 
     def _begin(self, labelled: bool) -> EventWriter:
         self._labelled = labelled
@@ -129,7 +134,25 @@ class LazyWriter:
         return self._make(self._path, form)
 
     def close(self) -> None:
-        """Write what is left, an empty file if there was no event; see `EventWriter.close`."""
-        if self._writer is None:
-            self._writer = self._begin(labelled=False)
-        self._writer.close()
+        """Write what is left, an empty file if there was no event; see `EventWriter.close`.
+
+        Raises
+        ------
+        WriteError
+            If the disk is full.
+        """
+        with self._nothing_useless_left():
+            self._writer = self._writer or self._begin(labelled=False)
+            self._writer.close()
+
+    @contextmanager
+    def _nothing_useless_left(self) -> Iterator[None]:
+        """Name the file that can't be written; of a broken one keep only rows of text."""
+        try:
+            with naming_file(self._path):
+                yield
+        except WriteError:
+            with suppress(OSError):
+                if not self._rows_of_text or self._path.stat().st_size == 0:
+                    self._path.unlink()
+            raise

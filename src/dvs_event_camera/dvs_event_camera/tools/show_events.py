@@ -104,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'show_events: {error}', file=sys.stderr)
         return error.exit_code
     except OSError as error:
-        print(f'show_events: {error.filename}: {error.strerror}', file=sys.stderr)
+        print(f'show_events: {error}', file=sys.stderr)
     return _USAGE_ERROR
 
 
