@@ -22,6 +22,7 @@ ROS_ROOMS = {
         'node.ros_parameters',
         'node.session',
         'node.spin',
+        'node.token_publisher',
     },
     'dvs_plant_sim': {'lockstep_driver', 'realtime_driver'},
     'dvs_closed_loop': {

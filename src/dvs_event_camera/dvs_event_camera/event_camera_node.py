@@ -56,7 +56,7 @@ class EventCameraNode(ManagedNode):
         self._scenario = scenario
         EventCamera.of_scenario(scenario)
         stream = topics.stream_qos()
-        self._events = self.advertise(PointCloud2, topics.EVENTS, self._events_qos())
+        self._events = self.advertise_token(PointCloud2, topics.EVENTS, self._events_qos())
         self._labels = (
             self.advertise(PointCloud2, topics.EVENTS_LABEL, stream)
             if scenario.camera.label_noise

@@ -61,7 +61,7 @@ class HinfControllerNode(ManagedNode):
         self._command_limit = scenario.command_limit
         self._design = design_from_scenario(scenario)
         self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
-        self._command_publisher = self.advertise(
+        self._command_publisher = self.advertise_token(
             JointState,
             topics.COMMAND,
             topics.handshake_qos(scenario.loop.mode, topics.LISTENER_DEPTH),

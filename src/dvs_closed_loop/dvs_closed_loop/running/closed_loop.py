@@ -119,8 +119,9 @@ def run_scenario(
     try:
         trace = decode_trace(recorder.messages)
     except IncompleteTraceError as error:
-        # A run that was cut off may lack the last answer to a sample; any other must be whole.
-        recorded = examine(read_bag(bag_path)) if session.stop.received else None
+        # A run that was cut off, or began by itself, may lack an end; any other must be whole.
+        partial = session.stop.received or not recorder.plant_waited
+        recorded = examine(read_bag(bag_path)) if partial else None
         if recorded is None or recorded.trace is None:
             raise LoopError(f'the recording is incomplete: {error}') from None
         trace = recorded.trace

@@ -22,6 +22,7 @@ from dvs_common.node.node_plan import NodePlan
 from dvs_common.node.session import RosSession
 from dvs_common.scenario.parameters import CAMERA, CONTROLLER
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
 
 _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
@@ -96,7 +97,12 @@ class _RunningLoop:
         for plan in self._plans:
             self._processes.append(NodeProcess(plan))
         client = self._node.create_client(ChangeState, 'plant_sim/change_state')
-        self._wait(client.service_is_ready, 'plant_sim to answer')
+        heard = self.recorder.messages[topics.LUMINOSITY]
+        self._wait(lambda: client.service_is_ready() or bool(heard), 'plant_sim to answer')
+        if not client.service_is_ready() and heard:
+            self.recorder.plant_waited = False
+            self._wait(self.recorder.hears_every_node, 'all three nodes')
+            return
         self._change_state(client, Transition.TRANSITION_CONFIGURE)
         self._wait(self.recorder.hears_every_node, 'all three nodes')
         self._meet_every_node()
@@ -110,9 +116,18 @@ class _RunningLoop:
         while plant.exit_code is None and not self._stop.received:
             self._check(self._processes[:-1])
             self._hear_for(_TURN_S)
+            if self._is_over_for_us():
+                plant.stop()
+                self._hear_the_end()
+                return
         if plant.exit_code:
             raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
         self._hear_the_end()
+
+    def _is_over_for_us(self) -> bool:
+        """Whether a plant that knows nothing of a duration has run for so long."""
+        duration = self._scenario.loop.duration
+        return not self.recorder.plant_waited and 0 < duration <= self.recorder.answered_s
 
     def close(self) -> None:
         """Stop what runs."""

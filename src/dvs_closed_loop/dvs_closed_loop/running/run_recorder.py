@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.events import parse_events
 from dvs_common.wire.stamped import stamp_of
@@ -36,6 +37,10 @@ _NEEDED = (
 )
 
 
+# What is sent again to a volatile listener that comes late; it carries its stamp.
+_SENT_AGAIN = (topics.EVENTS, topics.COMMAND)
+
+
 class RunRecorder:
     """Subscribes to the loop's topics before its nodes start.
 
@@ -57,6 +62,8 @@ class RunRecorder:
         self._first_sample_s: float | None = None
         self._last_command_s = 0.0
         self.event_count = 0
+        # A plant that does not wait for us may have begun before we heard it.
+        self.plant_waited = True
         self._subscriptions = {
             topic: node.create_subscription(
                 STREAMS[topic].message_type,
@@ -72,6 +79,8 @@ class RunRecorder:
         messages = self.messages[topic]
 
         def keep(message: bytes) -> None:
+            if messages and message == messages[-1] and topic in _SENT_AGAIN:
+                return
             messages.append(message)
             if topic == topics.COMMAND:
                 self._time_command(message)
@@ -107,6 +116,12 @@ class RunRecorder:
             Number of messages on each.
         """
         return all(len(self.messages[topic]) >= samples for topic in _NEEDED)
+
+    @property
+    def answered_s(self) -> float:
+        """Time from the first sample that was answered to the last, by their stamps, s."""
+        commands = self.messages[topics.COMMAND]
+        return as_seconds(stamp_of(commands[-1]) - stamp_of(commands[0])) if commands else 0.0
 
     @property
     def wall_seconds(self) -> float:

@@ -16,7 +16,7 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.timer import Timer
 
 from dvs_common.errors import SuiteError
@@ -24,6 +24,7 @@ from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.node.demanded_publisher import DemandedPublisher
 from dvs_common.node.health import Health, Level, Trouble
 from dvs_common.node.ros_parameters import ROS_TYPE, descriptor, plain
+from dvs_common.node.token_publisher import TokenPublisher
 from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.scenario.schema import ParameterSpec, Value, is_ros_parameter
@@ -76,7 +77,7 @@ class ManagedNode(LifecycleNode):
         self._accepted_change: Callable[[], None] | None = None
         self._configured: Scenario | None = None
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
-        self._demanded: list[DemandedPublisher] = []
+        self._looking: list[DemandedPublisher | TokenPublisher] = []
         self._schema = SCHEMA if own_parameters is None else SCHEMA.closed(own_parameters)
         self._specs = [*SCHEMA.of_node(executable), *(own_parameters or ())]
         # Timers follow the wall clock, even where use_sim_time ties the node's clock to /clock.
@@ -166,8 +167,29 @@ class ManagedNode(LifecycleNode):
             Quality of service.
         """
         publisher = DemandedPublisher(self.advertise(message_type, topic, qos))
-        self._demanded.append(publisher)
+        self._looking.append(publisher)
         return publisher
+
+    def advertise_token(
+        self, message_type: type, topic: str, qos: QoSProfile
+    ) -> Publisher | TokenPublisher:
+        """Publisher of what a lockstep partner waits for, in realtime just `advertise`.
+
+        Parameters
+        ----------
+        message_type
+            Class of the messages.
+        topic
+            Relative or absolute name.
+        qos
+            Quality of service; latched in lockstep.
+        """
+        publisher = self.advertise(message_type, topic, qos)
+        if qos.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+            return publisher
+        token = TokenPublisher(self, publisher)
+        self._looking.append(token)
+        return token
 
     def listen(
         self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: QoSProfile
@@ -370,7 +392,7 @@ class ManagedNode(LifecycleNode):
         self.every(_LOOK_S, self._look)
 
     def _look(self) -> None:
-        for publisher in self._demanded:
+        for publisher in self._looking:
             publisher.look()
 
     def _publish_health(self) -> None:
@@ -410,7 +432,7 @@ class ManagedNode(LifecycleNode):
 
     def _destroy_entities(self) -> None:
         self._configured = None
-        self._demanded.clear()
+        self._looking.clear()
         while self._entities:
             destroy, entity = self._entities.pop()
             destroy(entity)

@@ -1,0 +1,50 @@
+"""A publisher of what a lockstep partner waits for, whatever QoS it listens with."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+
+
+class TokenPublisher:
+    """Publisher that sends its last message again when a volatile subscriber comes late.
+
+    In lockstep one message is on its way at a time. Latching keeps it for a late reader that asks
+    for it; a reader with rclpy's default QoS does not, and both sides would wait for ever.
+
+    Parameters
+    ----------
+    node
+        Node of the publisher.
+    publisher
+        Publisher of the topic.
+    """
+
+    def __init__(self, node: Node, publisher: Publisher) -> None:
+        self._node = node
+        self._publisher = publisher
+        self._last: bytes | None = None
+        self._met: set[bytes] = set()
+
+    def publish(self, message: bytes) -> None:
+        """Publish a serialized message.
+
+        Parameters
+        ----------
+        message
+            CDR bytes.
+        """
+        self._last = message
+        self._publisher.publish(message)
+
+    def look(self) -> None:
+        """Send the last message again if somebody came who can't have it."""
+        found = {
+            bytes(info.endpoint_gid)
+            for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+            if info.qos_profile.durability == DurabilityPolicy.VOLATILE
+        }
+        if self._last is not None and found - self._met:
+            self._publisher.publish(self._last)
+        self._met = found

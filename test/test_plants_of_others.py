@@ -1,0 +1,60 @@
+"""Plants and controllers in plain rclpy, with whatever QoS their writers thought of."""
+
+import numpy as np
+import pytest
+from loop_support import operating, ros_arguments, start, stop
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image, JointState, PointCloud2
+
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.messages import pack_image
+
+VOLATILE = QoSProfile(depth=10)
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def first_sample():
+    scenario = Scenario.from_values({})
+    y = scenario.scene.luminosity(scenario.model, scenario.initial_state)
+    return pack_image(0, np.asarray(y).reshape(1, 3), '64FC1')
+
+
+@pytest.mark.parametrize('qos', [VOLATILE, BEST_EFFORT, LATCHED])
+def test_whoever_listens_late_in_lockstep_gets_the_message_that_waits(qos, domain, processes):
+    for executable in ('event_camera', 'hinf_controller'):
+        processes.append(start(executable, domain, ros_arguments()))
+    with operating(domain) as plant:
+        luminosity = plant.node.create_publisher(Image, 'luminosity', 10)
+        commands = plant.streams['command']
+        assert plant.spin_until(lambda: luminosity.get_subscription_count() > 0)
+        luminosity.publish(first_sample())
+        assert plant.spin_until(lambda: bool(commands))
+
+        late_commands = plant.hear(JointState, 'command', qos)
+        late_events = plant.hear(PointCloud2, 'events', qos)
+        assert plant.spin_until(lambda: bool(late_commands and late_events))
+    for process in processes:
+        code, output = stop(process)
+        assert code == 0, output
+
+    assert {m.header.stamp.sec for m in late_commands} == {0}
+    assert len(set(commands)) == 1
+
+
+def test_nobody_gets_a_message_twice_who_was_there(domain, processes):
+    for executable in ('event_camera', 'hinf_controller'):
+        processes.append(start(executable, domain, ros_arguments()))
+    with operating(domain) as plant:
+        luminosity = plant.node.create_publisher(Image, 'luminosity', 10)
+        commands = plant.hear(JointState, 'command', VOLATILE)
+        assert plant.spin_until(lambda: luminosity.get_subscription_count() > 0)
+        assert plant.spin_until(lambda: bool(plant.node.get_publishers_info_by_topic('command')))
+        plant.spin_until(lambda: False, timeout_s=1.0)
+        luminosity.publish(first_sample())
+        assert plant.spin_until(lambda: bool(commands))
+        plant.spin_until(lambda: False, timeout_s=1.0)
+    for process in processes:
+        stop(process)
+
+    assert len(commands) == 1
