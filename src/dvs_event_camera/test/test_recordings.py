@@ -2,6 +2,8 @@
 
 import csv
 import json
+import subprocess
+import sys
 import zipfile
 
 import aedat
@@ -401,3 +403,24 @@ def test_an_unknown_suffix_names_those_that_are_known(tmp_path):
 
     with pytest.raises(ParameterError, match=r'\.raw'):
         open_recording(path)
+
+
+# The HDF5 library ends the process itself, after naming the file.
+@pytest.mark.parametrize('suffix', [s for s in SUFFIXES if s != '.h5'])
+def test_a_full_disk_is_named_and_leaves_nothing_useless(suffix, tmp_path, capfd):
+    source = tmp_path / 'events.csv'
+    rows = ''.join(f'{k},{k % 7},{k % 5},1\n' for k in range(40_000))
+    source.write_text('t,x,y,p\n' + rows)
+    target = tmp_path / f'out{suffix}'
+    code = (
+        'import resource, signal, sys\n'
+        'from dvs_event_camera.tools import convert_events\n'
+        'signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n'
+        'resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000))\n'
+        f'sys.exit(convert_events.main([{str(source)!r}, {str(target)!r}, "--size", "7x5"]))'
+    )
+    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+
+    assert result.returncode == 1, result.stderr
+    assert f'{target.name}: cannot be written: ' in result.stderr
+    assert target.exists() == (suffix in ('.txt', '.csv'))
