@@ -41,7 +41,7 @@ def made_messages():
     """Packets of a sensor of 346 x 260 pixels whose header stamps jitter by 4 ms."""
     rng = np.random.default_rng(1)
     for k in range(100):
-        events = some_events(1000, seed=k, start_us=10_000 * k, span_us=9_900)
+        events = some_events(2000, seed=k, start_us=10_000 * k, span_us=9_900)
         base = int(events.t[0])
         yield packet_message(
             caer_cmp_words(events, base),

@@ -13,7 +13,6 @@ import numpy as np
 
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_closed_loop.commands.play import let_arrive, pause_until, wait_for_subscribers
-from dvs_closed_loop.running.tool import tool_node
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.events import EventPacket, pack_events
@@ -52,6 +51,8 @@ def play_recording(options: argparse.Namespace) -> int:
     ParameterError
         If the recording can't be read, or the region does not fit it.
     """
+    from dvs_closed_loop.running.tool import tool_node
+
     given = dict(pair.split(':=', 1) for pair in options.topic if ':=' in pair)
     recording = open_recording(options.bag, given.get(topics.EVENTS))
     pixel_map = PixelMap(region=tuple(options.region), binning=options.binning)
