@@ -134,3 +134,38 @@ def test_arrays_and_nanoseconds_have_one_home(home):
     }
 
     assert not elsewhere
+
+
+# -- nodes and circles ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('name', [name for name in MODULES if name.endswith('_node')])
+def test_a_file_named_node_holds_one_node(name):
+    body = ast.parse(MODULES[name].read_text()).body
+    classes = [item.name for item in body if isinstance(item, ast.ClassDef)]
+
+    assert len([found for found in classes if found.endswith('Node')]) == 1
+
+
+def all_imports(path):
+    """Our modules that the file imports, now, for types or later."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module in MODULES:
+            yield node.module
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f'{node.module}.{alias.name}' for alias in node.names)
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    above = {
+        name: {found for found in all_imports(path) if found in MODULES} - {name}
+        for name, path in MODULES.items()
+        if not name.endswith('__init__')
+    }
+    while leaves := [name for name in above if not above[name] & set(above)]:
+        for name in leaves:
+            del above[name]
+
+    assert not above

@@ -228,3 +228,27 @@ def test_corruption_gives_a_message_error_or_a_message(kind, data):
         corrupt[data.draw(st.integers(0, len(message) - 1))] = data.draw(octet)
     with contextlib.suppress(MessageError):
         parse(bytes(corrupt[: data.draw(st.integers(0, len(message)))]))
+
+
+@given(st.permutations(range(1, 13)), st.sampled_from('ux'))
+def test_numbered_entries_are_found_by_name_whatever_their_order(numbers, letter):
+    message = pack_command(
+        Vector(
+            stamp_ns=7,
+            names=tuple(f'{letter}{number}' for number in numbers),
+            values=np.array(numbers, dtype=float),
+        )
+    )
+
+    for _ in range(2):
+        found = parse_command(message)
+        assert found.names == tuple(f'{letter}{number}' for number in range(1, 13))
+        np.testing.assert_array_equal(found.values, np.arange(1.0, 13.0))
+
+
+@pytest.mark.parametrize('names', [('b', 'a'), ('u2', 'x1'), ('cart', 'u1'), ('u2', 'u')])
+def test_entries_with_other_names_stand_as_they_are(names):
+    message = pack_command(Vector(stamp_ns=0, names=names, values=np.array([1.0, 2.0])))
+
+    assert parse_command(message).names == names
+    assert parse_command(message).values.tolist() == [1.0, 2.0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -13,11 +12,9 @@ from dvs_common.node.health import RateMeter, Trouble
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.messages import pack_clock
+from dvs_plant_sim.driver import SampledPlant
 from dvs_plant_sim.handshake import Handshake
 from dvs_plant_sim.pacing import Pace
-
-if TYPE_CHECKING:
-    from dvs_plant_sim.plant_node import PlantNode
 
 # Wall-clock period of the waiting turns of an unanswered sample.
 _RESEND_S = 0.5
@@ -38,7 +35,7 @@ class LockstepDriver:
         Checked parameters.
     """
 
-    def __init__(self, node: PlantNode, scenario: Scenario) -> None:
+    def __init__(self, node: SampledPlant, scenario: Scenario) -> None:
         self._node = node
         self._scenario = scenario
         self._period_ns = scenario.sampling_period_ns

@@ -20,6 +20,7 @@ from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.messages import Vector, pack_image, pack_state, parse_command
 from dvs_plant_sim.disturbance import disturbed
+from dvs_plant_sim.driver import Driver
 from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.lockstep_driver import LockstepDriver
 from dvs_plant_sim.realtime_driver import RealtimeDriver
@@ -83,7 +84,7 @@ class PlantNode(ManagedNode):
         """Build the plant and its scene; see `ManagedNode.configure`."""
         self._scenario = scenario
         self._model = scenario.model
-        self._input_count = self._model.input_count
+        self._input_names = tuple(f'u{i + 1}' for i in range(self._model.input_count))
         self._model.require_stabilizable()
         self._model.require_detectable()
         self._scene = scenario.scene
@@ -99,7 +100,7 @@ class PlantNode(ManagedNode):
             JointState, topics.STATE, topics.stream_qos(topics.LISTENER_DEPTH)
         )
         driver = LockstepDriver if scenario.loop.mode == 'lockstep' else RealtimeDriver
-        self._driver: LockstepDriver | RealtimeDriver = driver(self, scenario)
+        self._driver: Driver = driver(self, scenario)
         self._say_set_point()
 
     def activate(self) -> None:
@@ -174,12 +175,20 @@ class PlantNode(ManagedNode):
         Raises
         ------
         MessageError
-            If it does not hold m finite numbers.
+            If it does not hold m finite numbers under the names u1 to um, in any order.
         """
         command = parse_command(message)
-        m = self._input_count
-        if command.values.size != m or not all(map(math.isfinite, command.values.tolist())):
-            raise MessageError(f'command {command.values.tolist()} is not {m} finite numbers')
+        names = self._input_names
+        if command.values.size != len(names) or not all(
+            map(math.isfinite, command.values.tolist())
+        ):
+            raise MessageError(
+                f'command {command.values.tolist()} is not {len(names)} finite numbers'
+            )
+        if command.names != names:
+            raise MessageError(
+                f'command has the names {", ".join(command.names)}, must have {", ".join(names)}'
+            )
         return command
 
     def missing_partner(self) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
 
@@ -11,10 +10,8 @@ from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.health import Level, RateMeter, Trouble
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
+from dvs_plant_sim.driver import SampledPlant
 from dvs_plant_sim.realtime import RealtimePlant
-
-if TYPE_CHECKING:
-    from dvs_plant_sim.plant_node import PlantNode
 
 _FAILURE = 1
 # A machine that stalls lets a plant run on; beyond this it is no run.
@@ -34,7 +31,7 @@ class RealtimeDriver:
         Checked parameters.
     """
 
-    def __init__(self, node: PlantNode, scenario: Scenario) -> None:
+    def __init__(self, node: SampledPlant, scenario: Scenario) -> None:
         self._node = node
         self._scenario = scenario
         self._period_ns = scenario.sampling_period_ns

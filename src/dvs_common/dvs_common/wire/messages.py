@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -256,7 +257,7 @@ def _joint_head(names: tuple[str, ...], part: str, count: int) -> bytes:
 
 
 def parse_state(message: bytes) -> Vector:
-    """Names and ``position`` of a serialized sensor_msgs/JointState.
+    """Names and ``position`` of a serialized sensor_msgs/JointState, by the names' numbers.
 
     Parameters
     ----------
@@ -272,7 +273,7 @@ def parse_state(message: bytes) -> Vector:
 
 
 def parse_command(message: bytes) -> Vector:
-    """Names and ``effort`` of a serialized sensor_msgs/JointState.
+    """Names and ``effort`` of a serialized sensor_msgs/JointState, by the names' numbers.
 
     Parameters
     ----------
@@ -289,13 +290,15 @@ def parse_command(message: bytes) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class _Entries:
-    """Where the values of a JointState stand, and what they are called."""
+    """Where the values of a JointState stand, what they are called, and their order by name."""
 
     start: int
     # Bytes of a message that is whole.
     size: int
     part: str
     names: tuple[str, ...]
+    # Places of the values by their numbered names; None where that is how they stand.
+    order: list[int] | None
 
 
 _known_joints: Memo[_Entries] = Memo()
@@ -307,6 +310,8 @@ def _parse_joint_state(message: bytes, part: str) -> Vector:
     if known is None or known.part != part or len(message) < known.size:
         known = _read_joint_head(message, part)
     values = np.frombuffer(message, '<f8', len(known.names), known.start)
+    if known.order is not None:
+        values = values[known.order]
     return Vector(stamp_ns=stamp_ns, names=known.names, values=values)
 
 
@@ -323,10 +328,23 @@ def _read_joint_head(message: bytes, part: str) -> _Entries:
     count, end = counts[which], ends[which]
     if count != len(names):
         raise MessageError(f'{len(names)} names but {count} entries of {part}')
-    entries = _Entries(end - 8 * count, ends[-1], part, names)
+    order = _by_number(names)
+    if order == list(range(count)):
+        entries = _Entries(end - 8 * count, ends[-1], part, names, None)
+    else:
+        ordered = tuple(names[place] for place in order)
+        entries = _Entries(end - 8 * count, ends[-1], part, ordered, order)
     if not any(counts[:which]) and not any(counts[which + 1 :]):
         _known_joints.add(message, entries.start, entries)
     return entries
+
+
+def _by_number(names: tuple[str, ...]) -> list[int]:
+    """Places of the names ``u1``, ``u2``, ... in the order of their numbers; others stay."""
+    found = [re.fullmatch(r'([a-z])(\d{1,9})', name) for name in names]
+    if len({match and match[1] for match in found}) != 1 or None in found:
+        return list(range(len(names)))
+    return sorted(range(len(names)), key=lambda place: int(names[place][1:]))
 
 
 def pack_array(values: FloatArray) -> bytes:
