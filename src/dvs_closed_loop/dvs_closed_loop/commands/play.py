@@ -13,6 +13,11 @@ import time
 from typing import TYPE_CHECKING
 
 from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
+from dvs_closed_loop.commands.play_waits import (
+    let_arrive,
+    pause_until,
+    wait_for_subscribers,
+)
 from dvs_common.nanoseconds import as_seconds
 
 if TYPE_CHECKING:
@@ -23,11 +28,6 @@ if TYPE_CHECKING:
     from dvs_closed_loop.running.tool import Tool
 
 _SETTLE_S = 0.5
-_WAIT_TURN_S = 0.1
-_NAME_MISSING_AFTER_S = 2.0
-# Shorter than this, a pause costs more than it is worth.
-_SHORTEST_PAUSE_S = 2e-4
-_LAST_WORDS_S = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -117,27 +117,6 @@ def _publisher(tool: Tool, stream: Stream, bag: RecordedBag) -> Publisher:
     return tool.node.create_publisher(stream.message_type, stream.topic, qos)
 
 
-def wait_for_subscribers(tool: Tool, publishers: dict[str, Publisher]) -> None:
-    """Wait until every topic has a subscriber.
-
-    Parameters
-    ----------
-    tool
-        Node of the tool.
-    publishers
-        Publishers by topic.
-    """
-    said_at = time.monotonic() + _NAME_MISSING_AFTER_S
-    while not tool.stop.received:
-        lonely = [t for t, p in publishers.items() if not p.get_subscription_count()]
-        if not lonely:
-            return
-        if time.monotonic() > said_at:
-            print(f'waiting for subscribers of {", ".join(lonely)}', file=sys.stderr, flush=True)
-            said_at = math.inf
-        tool.spin(_WAIT_TURN_S)
-
-
 def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: Tool, rate: float) -> int:
     """Publish every message at its instant; return how many were published."""
     from tqdm import tqdm
@@ -161,34 +140,3 @@ def _play(bag: RecordedBag, publishers: dict[str, Publisher], tool: Tool, rate: 
                 bar.update(due_s - bar.n)
         bar.update(max(bag.duration_s - bar.n, 0))
     return len(bag.messages)
-
-
-def pause_until(deadline: float, tool: Tool) -> None:
-    """Sleep until an instant or a signal.
-
-    Parameters
-    ----------
-    deadline
-        Instant of the monotonic clock, s.
-    tool
-        Node of the tool.
-    """
-    while (left := deadline - time.monotonic()) > _SHORTEST_PAUSE_S and not tool.stop.received:
-        time.sleep(min(left, _WAIT_TURN_S))
-
-
-def let_arrive(publishers: dict[str, Publisher], tool: Tool) -> None:
-    """Wait until the last messages have arrived.
-
-    Parameters
-    ----------
-    publishers
-        Publishers by topic.
-    tool
-        Node of the tool.
-    """
-    from rclpy.duration import Duration
-
-    if not tool.stop.received:
-        for publisher in publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=_LAST_WORDS_S))

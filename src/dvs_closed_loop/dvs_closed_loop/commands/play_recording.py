@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dvs_closed_loop.bags.streams import STREAMS
-from dvs_closed_loop.commands.play import let_arrive, pause_until, wait_for_subscribers
+from dvs_closed_loop.commands.play_waits import let_arrive, pause_until, wait_for_subscribers
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.events import EventPacket, pack_events
