@@ -17,6 +17,7 @@ setup(
         (f'share/{package_name}/layouts', glob('layouts/*')),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
         (f'share/{package_name}/config', glob('config/*.yaml')),
+        (f'share/{package_name}/config/qos', glob('config/qos/*.yaml')),
     ],
     install_requires=[
         'aiohttp>=3.9',
@@ -27,6 +28,7 @@ setup(
         'dvs_simulation',
         'matplotlib>=3.6',
         'numpy>=1.26',
+        'PyYAML>=6.0',
         'rosbags>=0.11',
         'tqdm>=4.64',
     ],

@@ -1,4 +1,4 @@
-"""Launch file of the whole loop; it ends when the plant's run ends."""
+"""Launch file of the whole loop; it ends, and says so, when any of its nodes ends."""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
@@ -10,15 +10,18 @@ from dvs_common.node.launching import node_action, value_of
 def _start(context: LaunchContext) -> list:
     given = {argument.name: value_of(context, argument.name) for argument in ARGUMENTS}
     plan = launch_plan(given)
-    actions = [node_action(node) for node in plan.partners]
+    actions = [node_action(node, on_exit=[_end(node.name)]) for node in plan.partners]
     if plan.recorder:
         actions.append(ExecuteProcess(cmd=list(plan.recorder), output='screen'))
     if plan.viewer:
         actions.append(node_action(plan.viewer))
-    actions.append(
-        node_action(plan.plant, on_exit=[Shutdown(reason='the run of the plant ended')])
-    )
+    actions.append(node_action(plan.plant, on_exit=[_end(plan.plant.name)]))
     return actions
+
+
+def _end(name: str) -> Shutdown:
+    """What follows the end of a node: a loop that lacks one is none."""
+    return Shutdown(reason=f'{name} ended')
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
+from dvs_closed_loop.bags.streams import STREAMS
 from dvs_closed_loop.running.launch_plan import ARGUMENTS, VIEWERS, launch_plan, record_command
 from dvs_closed_loop.running.loop_plan import given, loop_plan, plant_program, scenario_file
 from dvs_closed_loop.running.run_recorder import RECORDED
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_common.wire import topics
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 MIRROR = CONFIG / 'mirror_r3.yaml'
@@ -110,6 +113,8 @@ def test_every_scenario_can_be_launched_by_name():
         ({'viewer': 'xterm'}, 'viewer = xterm: must be one of none, rqt, plotjuggler, foxglove'),
         ({'namespace': 'a b'}, 'namespace = a b: '),
         ({'elsewhere': 'me'}, 'elsewhere = me: '),
+        ({'log_level': 'loud'}, 'log_level = loud: must be one of debug'),
+        ({'use_sim_time': 'yes'}, 'use_sim_time = yes: must be one of true, false'),
         ({'speed': '2'}, 'speed = 2: is not an argument'),
     ],
 )
@@ -125,6 +130,47 @@ def test_a_recording_takes_the_loops_own_topics():
     assert {f'/left/{topic}' for topic in RECORDED if topic[0] != '/'} < set(command)
     assert '/clock' not in command
     assert '/clock' in record_command('bag', '')
+
+
+def qos_of(command):
+    return yaml.safe_load(
+        Path(command[command.index('--qos-profile-overrides-path') + 1]).read_text()
+    )
+
+
+@pytest.mark.parametrize('namespace', ['', 'left'])
+def test_every_recorded_topic_has_a_qos_of_its_own(namespace, tmp_path):
+    command = record_command(str(tmp_path / 'bag'), namespace)
+    recorded = set(command[command.index('--qos-profile-overrides-path') + 2 :])
+
+    assert set(qos_of(command)) == recorded
+    assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize('mode', ['lockstep', 'realtime'])
+def test_the_recorders_qos_fits_what_the_nodes_offer(mode, tmp_path):
+    for name, qos in qos_of(record_command(str(tmp_path / 'bag'), '')).items():
+        topic = name if name in STREAMS else name[1:]
+        offered = STREAMS[topic].offered_qos
+        if topic in (topics.EVENTS, topics.COMMAND):
+            offered = topics.handshake_qos(mode)
+        assert set(qos) == {'history', 'depth', 'reliability', 'durability'}
+        assert qos['depth'] >= offered.depth
+        if qos['reliability'] == 'reliable':
+            assert offered.reliability.name == 'RELIABLE'
+        if qos['durability'] == 'transient_local':
+            assert offered.durability.name == 'TRANSIENT_LOCAL'
+
+
+def test_time_and_log_are_those_of_the_launch():
+    arguments = {'params_file': str(PENDULUM), 'use_sim_time': 'true', 'log_level': 'warn'}
+    plan = launch_plan(arguments)
+
+    for node in (*plan.partners, plan.plant):
+        assert node.parameters == {'use_sim_time': True}
+        assert node.arguments[-2:] == ['--log-level', 'warn']
+        assert node.parameter_file == PENDULUM
+    assert '--log-level' not in launch_plan({}).plant.arguments
 
 
 @pytest.mark.parametrize('viewer', VIEWERS)

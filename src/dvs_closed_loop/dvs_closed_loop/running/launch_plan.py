@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from dvs_closed_loop.running.loop_plan import given, loop_plan, scenario_file
 from dvs_common.errors import ParameterError
-from dvs_common.node.node_plan import NodePlan, checked_namespace
+from dvs_common.node.node_plan import LOG_LEVELS, NodePlan, checked_namespace
 from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
+from dvs_common.writing import write_text
 
 _RECORDED = (
     topics.LUMINOSITY,
@@ -102,7 +105,21 @@ ARGUMENTS = (
         default='paper_r3',
         description='Parameter file (YAML), or the name of a scenario of the suite',
     ),
+    LaunchArgument(
+        name='params_file',
+        description='Parameter file (YAML) of the scenario, instead of `scenario`',
+    ),
     LaunchArgument(name='namespace', description='Namespace of the whole loop'),
+    LaunchArgument(
+        name='use_sim_time',
+        choices=('', 'true', 'false'),
+        description='Whether the clocks of the nodes follow /clock',
+    ),
+    LaunchArgument(
+        name='log_level',
+        choices=('', *LOG_LEVELS),
+        description='Least severity that the nodes log; empty: info',
+    ),
     LaunchArgument(
         name='mode',
         choices=('', *SCHEMA['mode'].choices),
@@ -174,7 +191,7 @@ def launch_plan(arguments: Mapping[str, str]) -> LaunchPlan:
                 values[argument.name],
                 f'must be one of {", ".join(argument.choices)}'.replace(' ,', ''),
             )
-    file = scenario_file(values['scenario'])
+    file = scenario_file(values['params_file'] or values['scenario'])
     parameters = given(mode=values['mode'], method=values['method'])
     scenario = load_scenario(file, namespace=checked_namespace(values['namespace']))
     *partners, plant = loop_plan(
@@ -185,12 +202,21 @@ def launch_plan(arguments: Mapping[str, str]) -> LaunchPlan:
         elsewhere=values['elsewhere'].split(),
     )
     viewer = VIEWERS.get(values['viewer'])
+    chosen = partial(_as_chosen, values=values)
     return LaunchPlan(
-        partners=tuple(partners),
-        plant=plant,
+        partners=tuple(map(chosen, partners)),
+        plant=chosen(plant),
         recorder=record_command(values['record'], values['namespace']),
         viewer=viewer.plan if viewer else None,
     )
+
+
+def _as_chosen(plan: NodePlan, values: Mapping[str, str]) -> NodePlan:
+    """Plan with what belongs to ROS: the source of time and the level of the log."""
+    parameters = dict(plan.parameters)
+    if values['use_sim_time']:
+        parameters['use_sim_time'] = values['use_sim_time'] == 'true'
+    return replace(plan, parameters=parameters, log_level=values['log_level'])
 
 
 def record_command(folder: str, namespace: str) -> tuple[str, ...]:
@@ -210,5 +236,21 @@ def record_command(folder: str, namespace: str) -> tuple[str, ...]:
     clock = prefix + topics.CLOCK
     return (
         *('ros2', 'bag', 'record', '--storage', 'mcap', '--output', folder),
+        *('--qos-profile-overrides-path', str(_record_qos(Path(folder), prefix))),
         *(*names, clock, topics.DIAGNOSTICS),
     )
+
+
+def _record_qos(folder: Path, prefix: str) -> Path:
+    """File of QoS for the recorder: the installed one, or beside the bag one with a namespace."""
+    installed = Path(get_package_share_directory('dvs_closed_loop')) / 'config/qos/record.yaml'
+    if not prefix:
+        return installed
+    profiles = yaml.safe_load(installed.read_text(encoding='utf-8'))
+    named = {
+        name if name == topics.DIAGNOSTICS else prefix + name: qos
+        for name, qos in profiles.items()
+    }
+    own = folder.with_name(f'{folder.name}_qos.yaml')
+    write_text(own, yaml.safe_dump(named))
+    return own

@@ -33,6 +33,7 @@ def node_action(plan: NodePlan, *, on_exit: Sequence[Any] = ()) -> Node:
         parameters=[*file, *parameters],
         remappings=list(plan.remappings),
         arguments=list(plan.options),
+        ros_arguments=plan.log_arguments,
         output='screen',
         on_exit=list(on_exit) or None,
     )

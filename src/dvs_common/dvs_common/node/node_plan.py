@@ -10,6 +10,8 @@ from pathlib import Path
 from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
 
+LOG_LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
+
 _TOKEN = r'[A-Za-z_][A-Za-z0-9_]*'
 _NAMESPACE = re.compile(rf'/?{_TOKEN}(/{_TOKEN})*')
 
@@ -70,6 +72,8 @@ class NodePlan:
         Absolute namespace, or empty.
     options
         Options that are not ROS's.
+    log_level
+        One of `LOG_LEVELS`, or empty for ROS's own.
     """
 
     package: str
@@ -78,6 +82,7 @@ class NodePlan:
     parameters: Mapping[str, object] = field(default_factory=dict)
     namespace: str = ''
     options: tuple[str, ...] = ()
+    log_level: str = ''
 
     @property
     def name(self) -> str:
@@ -101,7 +106,12 @@ class NodePlan:
             arguments += ['-r', f'__ns:={self.namespace}']
         for old, new in self.remappings:
             arguments += ['-r', f'{old}:={new}']
-        return arguments
+        return arguments + self.log_arguments
+
+    @property
+    def log_arguments(self) -> list[str]:
+        """Arguments of ROS that set the level of the log."""
+        return ['--log-level', self.log_level] if self.log_level else []
 
 
 def _yaml(value: object) -> str:
