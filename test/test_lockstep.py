@@ -66,10 +66,36 @@ def test_two_runs_and_a_composed_run_give_the_same_bytes(new_domain, tmp_path):
     assert bags[0] == bags[2]
 
 
+def test_a_restarted_plant_takes_no_latched_command_of_its_former_life(domain, processes):
+    """The former life's commands are latched, from stamp 0 on: each must be asked for anew."""
+    samples = 400
+    with listening(domain) as listener:
+        for executable in ('event_camera', 'hinf_controller'):
+            processes.append(start(executable, domain))
+        first = start('plant_sim', domain, ros_arguments({'duration': 1000.0}))
+        processes.append(first)
+        assert listener.spin_until(lambda: len(listener.streams[topics.COMMAND]) > samples)
+        first.kill()
+        first.wait()
+        listener.spin_until(lambda: False, timeout_s=1.0)
+        before = len(listener.streams[topics.COMMAND])
+
+        second = start('plant_sim', domain, ros_arguments({'duration': samples * 0.001}))
+        processes.append(second)
+        output, _ = second.communicate(timeout=60)
+        listener.spin_until(lambda: False, timeout_s=1.0)
+
+    assert second.returncode == 0, output
+    assert 'refused' not in output
+    assert f'finished: {samples} cycles' in output
+    answers = {command[:12] for command in listener.streams[topics.COMMAND][before:]}
+    assert len(answers) == samples + 1
+
+
 def test_a_missing_partner_is_named(domain, processes):
     plant = start('plant_sim', domain)
     processes.append(plant)
-    time.sleep(4.5)
+    time.sleep(6.0)
     _, output = stop(plant)
 
     assert 'luminosity has no subscriber; is event_camera running?' in output

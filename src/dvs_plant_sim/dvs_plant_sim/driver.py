@@ -43,6 +43,9 @@ class SampledPlant(Protocol):
     def every(self, period_s: float, callback: Callable[[], None]) -> Any:
         """Wall-clock timer; see `ManagedNode.every`."""
 
+    def count_publishers(self, topic: str) -> int:
+        """Return how many publishers a topic has; see `rclpy.node.Node.count_publishers`."""
+
     def finish(self, exit_code: int, reason: str) -> None:
         """End the process; see `ManagedNode.finish`."""
 

@@ -21,7 +21,8 @@ class Handshake:
         self._last_sample = last_sample
         self.sample = 0
         self.stamp_ns = 0
-        self._answered = False
+        # Nothing has been sent: whatever command comes answers the sample of another life.
+        self._answered = self._is_fresh = True
         self._waiting_turns = 0
 
     @property
@@ -31,6 +32,8 @@ class Handshake:
 
     def accepts(self, stamp_ns: int) -> bool:
         """Whether a command with this stamp answers the current sample, for the first time.
+
+        Before the first sample is sent none does: latched commands are of a former life.
 
         Parameters
         ----------
@@ -42,6 +45,8 @@ class Handshake:
         MessageError
             If the command is from the future.
         """
+        if self._is_fresh:
+            return False
         if stamp_ns > self.stamp_ns:
             raise MessageError(f'command is stamped {stamp_ns} ns, awaited {self.stamp_ns} ns')
         if self._answered or stamp_ns < self.stamp_ns:
@@ -57,7 +62,7 @@ class Handshake:
 
     def sent(self) -> None:
         """Wait for the answer to the current sample from now on."""
-        self._answered = False
+        self._answered = self._is_fresh = False
         self._waiting_turns = 0
 
     def wait(self) -> int:

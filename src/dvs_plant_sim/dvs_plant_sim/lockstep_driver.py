@@ -20,6 +20,11 @@ from dvs_plant_sim.pacing import Pace
 _RESEND_S = 0.5
 # Turns after which, again and again, the missing partner is named.
 _PATIENCE_TURNS = 4
+# A controller that was there before latches the commands of the plant's former life. They come as
+# soon as it is met, and are over before the first sample is sent.
+_MEETING_TURN_S = 0.05
+_REPLAY_TURNS = 4
+_MEETING_TURNS = 20
 # However small the real_time_factor: a timer can't be set to any time.
 _LONGEST_PAUSE_S = 3600.0
 
@@ -44,15 +49,27 @@ class LockstepDriver:
         node.listen(JointState, topics.COMMAND, self._step, qos)
         node.every(_RESEND_S, self._wait)
         self._due = node.every(1.0, self._publish_due)
+        self._meeting = node.every(_MEETING_TURN_S, self._meet)
 
     def start(self) -> None:
-        """Publish sample 0."""
+        """Publish sample 0 as soon as latched commands of a former life have come and gone."""
         scenario = self._scenario
         self._due.cancel()
+        self._meeting.reset()
+        self._turns_alone = self._turns_met = 0
         self._handshake = Handshake(period_ns=self._period_ns, last_sample=scenario.sample_count)
         self._pace = Pace(scenario.loop.real_time_factor)
         self._cycle_rate = RateMeter()
-        self._publish()
+
+    def _meet(self) -> None:
+        """Let a turn of the meeting pass; it ends, too, where no controller is there."""
+        if self._node.count_publishers(topics.COMMAND):
+            self._turns_met += 1
+        else:
+            self._turns_alone += 1
+        if self._turns_met >= _REPLAY_TURNS or self._turns_alone >= _MEETING_TURNS:
+            self._meeting.cancel()
+            self._publish()
 
     def _publish(self) -> None:
         stamp_ns = self._handshake.stamp_ns

@@ -25,6 +25,15 @@ def test_a_command_from_the_future_is_refused():
     assert handshake.accepts(0)
 
 
+def test_no_command_is_taken_before_the_first_sample_is_sent():
+    handshake = Handshake(period_ns=10, last_sample=0)
+
+    assert not handshake.accepts(0)
+    assert not handshake.accepts(1_000)
+    handshake.sent()
+    assert handshake.accepts(0)
+
+
 def test_turns_count_without_an_answer():
     handshake = Handshake(period_ns=10, last_sample=0)
     handshake.sent()
