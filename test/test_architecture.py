@@ -17,7 +17,6 @@ BELOW = {
 # Rooms that are made of ROS; every other module is a core or a node, `*_node.py`.
 ROS_ROOMS = {
     'dvs_common': {
-        'node.managed_node',
         'node.demanded_publisher',
         'node.ros_parameters',
         'node.session',

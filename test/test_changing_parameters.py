@@ -3,7 +3,8 @@
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from loop_support import operating, ros_arguments, start, stop
-from rcl_interfaces.srv import GetParameters, ListParameters
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import parameter_value_to_python
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64MultiArray
@@ -88,6 +89,17 @@ def test_all_parameters_are_told_at_once_as_ros2_param_dump_asks(domain, process
 
             assert {spec.name for spec in SCHEMA.of_node(node)} <= set(told)
             assert None not in told.values()
+
+            # As `ros2 param load` sets a dump: every value again, the fixed ones too.
+            request = SetParameters.Request()
+            request.parameters = [
+                Parameter(name=name, value=value)
+                for name, value in zip(names, answer.values, strict=True)
+            ]
+            loaded = operator.call(SetParameters, f'{node}/set_parameters', request)
+            assert [r.reason for r in loaded.results if not r.successful] == []
+            refused = operator.set_parameters(node, autostart=False)
+            assert 'read-only' in refused.reason
         assert list(told['reference_lower']) == []
         assert operator.set_parameters('event_camera', display_rate=20.0).successful
         refused = operator.set_parameters('event_camera', reference_lower=[0.1, 0.1])

@@ -41,3 +41,17 @@ def test_clocks_of_nodes_are_simulated_and_the_loop_runs_to_its_end(domain, proc
         assert times_s == sorted(times_s), node
         assert 0 < times_s[-1] <= DURATION_S, node
         assert len(set(times_s)) > 1, node
+
+
+def test_a_clock_that_never_starts_is_named(domain, processes):
+    parameters = {'use_sim_time': True, 'mode': 'realtime'}
+    plant = start('plant_sim', domain, ros_arguments(parameters))
+    processes.append(plant)
+    with operating(domain) as operator:
+        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        assert operator.spin_until(
+            lambda: any('the time on /clock is still 0' in m.status[0].message for m in health)
+        )
+    code, output = stop(plant)
+    assert code == 0, output
+    assert 'use_sim_time is set, but the time on /clock is still 0' in output
