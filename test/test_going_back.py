@@ -64,7 +64,7 @@ def test_a_lockstep_plant_that_starts_again_gets_the_same_commands(domain, proce
     assert parse_command(runs[0][0]).stamp_ns == 0
     assert runs[0] == runs[1]
     assert 'sensor started again' in camera
-    assert 'time went back: the estimator and K start anew' in controller
+    assert 'time has begun anew: the estimator and K start anew' in controller
 
 
 @pytest.mark.wall_clock
@@ -117,7 +117,7 @@ def test_a_clock_that_steps_starts_a_realtime_loop_again(jump_s, said, domain, p
     assert said in plant and 'FATAL' not in plant
     if jump_s < 0:
         assert 'sensor started again' in camera
-        assert 'time went back: the estimator and K start anew' in controller
+        assert 'time has begun anew: the estimator and K start anew' in controller
 
 
 def test_a_controller_that_is_deactivated_leaves_the_input_that_holds(domain, processes):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,10 +12,11 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.scenario.sensor_parameters import SensorParameters
-from dvs_common.wire.events import LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
+from dvs_common.wire.events import INDEX_MODULUS, LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
+from dvs_common.wire.keyframe import Keyframe
 from dvs_event_camera.pixels.event_flood import MOST_EVENTS, EventFlood
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.photoreceptor import (
@@ -82,6 +84,10 @@ class EventCamera:
         self._backend = backend
         self._noise_rate = noise_rate
         self._pixels: PixelArray | None = None
+        self._epoch = self._epoch_ns = self._epoch_index = 0
+        # log |q / q(0)| when the present counting began.
+        self._moved: FloatArray = np.zeros(1)
+        self._restart_asked = ''
         self._shape: tuple[int, int] = (0, 0)
         self._index = 0
         self._invalid_before = 0
@@ -151,7 +157,40 @@ class EventCamera:
         """
         self._make_pixels = functools.partial(pixels_of_scenario, scenario, backend=self._backend)
         if self._pixels is not None:
+            step = threshold_step(self._pixels.event_threshold, scenario.sensor.log_base)
+            moved = self._moved + self._pixels.counts * step
             self._pixels.change_event_threshold(scenario.sensor.event_threshold)
+            self._moved = moved
+
+    def restart(self, reason: str) -> None:
+        """Start the sensor again with the next frame.
+
+        Parameters
+        ----------
+        reason
+            Why, for people.
+        """
+        self._restart_asked = reason
+
+    def keyframe(self) -> Keyframe:
+        """State of every pixel after the last frame; the camera must have started."""
+        pixels = self._pixels
+        assert pixels is not None and pixels.stamp_ns is not None
+        growth = np.exp(self._moved)
+        lower, upper = pixels.bounds.lower * growth, pixels.bounds.upper * growth
+        lower[pixels.waiting], upper[pixels.waiting] = 0.0, np.inf
+        return Keyframe(
+            stamp_ns=pixels.stamp_ns,
+            epoch=self._epoch,
+            age_s=as_seconds(pixels.stamp_ns - self._epoch_ns),
+            events=self._index - self._epoch_index,
+            next_index=self._index % INDEX_MODULUS,
+            event_threshold=pixels.event_threshold,
+            counts=pixels.counts.astype(np.int64),
+            signs=pixels.signs,
+            lower=lower,
+            upper=upper,
+        )
 
     def take(self, frame: LuminosityFrame) -> Exposure | None:
         """Expose the pixels to a frame.
@@ -196,6 +235,9 @@ class EventCamera:
         pixels.update(frame.stamp_ns, frame.pixels)
         self._invalid_before = self.invalid_samples
         self._pixels, self._shape = pixels, frame.pixels.shape
+        self._epoch, self._restart_asked = secrets.randbits(32), ''
+        self._epoch_ns, self._epoch_index = frame.stamp_ns, self._index
+        self._moved = np.zeros(pixels.bounds.lower.size)
         events = PixelEvents.empty()
         return Exposure(
             packets=self._packets(frame.stamp_ns, events),
@@ -205,6 +247,8 @@ class EventCamera:
         )
 
     def _restart_reason(self, pixels: PixelArray, frame: LuminosityFrame) -> str:
+        if self._restart_asked:
+            return self._restart_asked
         if frame.pixels.shape != self._shape:
             old, new = (' x '.join(map(str, shape)) for shape in (self._shape, frame.pixels.shape))
             return f'the frames change from {old} to {new} pixels'

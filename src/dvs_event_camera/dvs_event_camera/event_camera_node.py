@@ -10,21 +10,25 @@ from typing import Any
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CompressedImage, Image, JointState, PointCloud2
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Empty, Int16MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from dvs_common.errors import ParameterError
-from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
+from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds, as_seconds
 from dvs_common.node.health import Health, Level, RateMeter, Trouble
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.node.spin import run_nodes
 from dvs_common.scenario.parameters import CAMERA
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
+from dvs_common.wire.anchor import pack_anchor
+from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EVENT_DTYPE, EventPacket, pack_events
-from dvs_common.wire.keyframe import Keyframe, pack_keyframe
-from dvs_common.wire.messages import Vector, pack_command, pack_image
+from dvs_common.wire.keyframe import pack_keyframe
+from dvs_common.wire.messages import pack_image
+from dvs_common.wire.stamp_gate import Passage, StampGate
 from dvs_event_camera.event_camera import EventCamera, Exposure
+from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_packet import pack_event_packet
 from dvs_event_camera.streams.event_records import without_labels
 from dvs_event_camera.streams.image_source import (
@@ -35,6 +39,8 @@ from dvs_event_camera.streams.image_source import (
 from dvs_event_camera.streams.renderer import EventRenderer
 
 _STALE_S = 2.0
+# A frame this much later than the last one is an outlier, or a clock that has stepped.
+_REACH_NS = 5 * NANOSECONDS
 _START_FAILED = 2
 _INT16 = np.iinfo(np.int16)
 
@@ -62,11 +68,13 @@ class EventCameraNode(ManagedNode):
             if scenario.camera.label_noise
             else None
         )
-        self._keyframe = self.advertise(Image, topics.KEYFRAME, topics.latched_qos(depth=1))
+        self._keyframe = self.advertise(PointCloud2, topics.KEYFRAME, topics.latched_qos(depth=1))
+        self._anchor = (
+            self.advertise(Image, topics.ANCHOR, stream) if scenario.camera.frame_rate else None
+        )
         self._polarity = self.advertise_on_demand(Int16MultiArray, topics.POLARITY, stream)
         self._image = self.advertise_on_demand(Image, topics.EVENT_IMAGE, stream)
         self._packets = self._advertise_event_packets(stream)
-        self._threshold = self.advertise(JointState, topics.THRESHOLD, topics.latched_qos(depth=1))
         self._listen(stream)
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
 
@@ -106,9 +114,9 @@ class EventCameraNode(ManagedNode):
         self._event_rate, self._frame_rate = RateMeter(), RateMeter()
         self._restarts_reported = self._on_events = 0
         self._next_threshold: float | None = None
-        self._announced_threshold: float | None = None
-        # log_b |q / q(0)| when the present counting began.
-        self._moved = np.zeros(1)
+        self._gate = StampGate(_REACH_NS)
+        self._frames_of_light = AnchorFrames.of_scenario(self._scenario)
+        self._last_packets: tuple[EventPacket, ...] = ()
 
     def change(self, scenario: Scenario) -> Callable[[], None]:
         """Change threshold or display; see `ManagedNode.change`."""
@@ -138,16 +146,26 @@ class EventCameraNode(ManagedNode):
         self._take(parse_compressed(message))
 
     def _take(self, frame: LuminosityFrame) -> None:
-        counts_anew = self._announced_threshold is not None and self._change_threshold(
-            frame.stamp_ns
-        )
+        last_ns = self._gate.last_ns
+        passage = self._gate.take(frame.stamp_ns)
+        if passage is Passage.REFUSED:
+            assert last_ns is not None
+            raise MessageError(
+                f'luminosity stamped {as_seconds(frame.stamp_ns - last_ns):+.6f} s from the last'
+            )
+        if passage is Passage.STEPPED:
+            self._camera.restart('the clock of the luminosity has stepped')
+        self._expose(frame)
+
+    def _expose(self, frame: LuminosityFrame) -> None:
+        waiting = self._camera.waiting_pixels
         try:
             exposure = self._camera.take(frame)
         except ParameterError as error:
             self.finish(_START_FAILED, str(error))
             return
         if exposure is None:
-            self._resent += 1
+            self._answer_again()
             return
         self._frames += 1
         if exposure.restart_reason:
@@ -156,41 +174,42 @@ class EventCameraNode(ManagedNode):
                 f'sensor started again, all references with it: {exposure.restart_reason}'
             )
         if exposure.started:
-            self._moved = np.zeros(frame.pixels.size)
-            self._announce_threshold(frame.stamp_ns, self._scenario.sensor.event_threshold)
             self._report_waiting(frame)
-        if self._next_threshold is not None:
-            self._announce_change(frame.stamp_ns, self._next_threshold)
+        changed = self._change_threshold() or self._camera.waiting_pixels < waiting
+        # What tells of the packet's events and of those after it goes before it.
+        self._publish_keyframe(frame.stamp_ns, due_now=exposure.started or changed)
+        self._publish_anchor(frame)
         for packet in exposure.packets:
             self._publish(packet)
-        self._publish_keyframe(frame.stamp_ns, due_now=exposure.started or counts_anew)
+        self._last_packets = exposure.packets
         self._report_invalid()
         if self._image.wanted:
             self._draw(exposure, frame.stamp_ns)
         else:
             self._renderer = None
 
-    def _announce_threshold(self, after_ns: int, event_threshold: float) -> None:
-        h = np.array([event_threshold])
-        self._threshold.publish(
-            pack_command(Vector(stamp_ns=after_ns, names=('event_threshold',), values=h))
-        )
+    def _answer_again(self) -> None:
+        """Answer a frame sent again with the same bytes: the first answer may have been lost."""
+        self._resent += 1
+        for packet in self._last_packets:
+            self._events.publish(pack_events(without_labels(packet)))
 
-    def _change_threshold(self, stamp_ns: int) -> bool:
-        """Fire at the threshold that was announced with the last frame, if this is another one."""
-        pixels = self._camera.pixels
-        if pixels is None or pixels.stamp_ns == stamp_ns:
+    def _change_threshold(self) -> bool:
+        """Fire at another threshold from the present frame on, if that is asked for."""
+        if self._next_threshold is None:
             return False
-        self._moved = self._moved + pixels.counts * self._scenario.sensor.event_threshold
-        self._scenario = self._scenario.replace(event_threshold=self._announced_threshold)
+        self._scenario = self._scenario.replace(event_threshold=self._next_threshold)
+        self._next_threshold = None
         self._camera.change_event_threshold(self._scenario)
-        self._announced_threshold = None
         return True
 
-    def _announce_change(self, stamp_ns: int, event_threshold: float) -> None:
-        """Say before the next frame at which threshold it will be seen."""
-        self._announced_threshold, self._next_threshold = event_threshold, None
-        self._announce_threshold(stamp_ns, event_threshold)
+    def _publish_anchor(self, frame: LuminosityFrame) -> None:
+        if self._anchor is None or self._frames_of_light is None:
+            return
+        anchor = self._frames_of_light.take(frame.stamp_ns, frame.pixels)
+        if anchor is not None:
+            height, width = self._camera.shape
+            self._anchor.publish(pack_anchor(anchor, height=height, width=width))
 
     def _publish(self, packet: EventPacket) -> None:
         self._events.publish(pack_events(without_labels(packet)))
@@ -210,28 +229,20 @@ class EventCameraNode(ManagedNode):
 
     def _publish_keyframe(self, stamp_ns: int, *, due_now: bool) -> None:
         period_ns = as_nanoseconds(self._scenario.camera.keyframe_period)
-        if not due_now and (not period_ns or stamp_ns < self._next_keyframe_ns):
+        is_due = period_ns and stamp_ns >= self._next_keyframe_ns
+        if not due_now and not is_due:
             return
         self._next_keyframe_ns = stamp_ns + period_ns
-        self._send_keyframe(stamp_ns)
+        self._send_keyframe()
 
-    def _send_keyframe(self, stamp_ns: int) -> None:
-        pixels = self._camera.pixels
-        assert pixels is not None
+    def _send_keyframe(self) -> None:
         height, width = self._camera.shape
-        keyframe = Keyframe(
-            stamp_ns=stamp_ns,
-            counts=pixels.counts.astype(np.int64),
-            signs=pixels.signs,
-            moved=self._moved,
-        )
-        signed = self._scenario.sensor.photoreceptor == 'signed_log'
-        self._keyframe.publish(pack_keyframe(keyframe, height=height, width=width, signed=signed))
+        message = pack_keyframe(self._camera.keyframe(), height=height, width=width)
+        self._keyframe.publish(message)
 
     def _answer_request(self, _: bytes) -> None:
-        pixels = self._camera.pixels
-        if pixels is not None and pixels.stamp_ns is not None:
-            self._send_keyframe(pixels.stamp_ns)
+        if self._camera.pixels is not None:
+            self._send_keyframe()
 
     def _report_invalid(self) -> None:
         if self._camera.invalid_samples and not self._invalid_reported:
@@ -278,6 +289,7 @@ class EventCameraNode(ManagedNode):
                 'events': events,
                 'frames': self._frames,
                 'frames sent again': self._resent,
+                'frames out of time': self._gate.refused,
                 'restarts': self._restarts,
                 'pixel samples without a logarithm': self._camera.invalid_samples,
                 'pixels without light yet': self._camera.waiting_pixels,

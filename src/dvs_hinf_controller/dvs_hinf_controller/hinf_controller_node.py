@@ -17,24 +17,22 @@ from dvs_common.node.spin import run_nodes
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
-from dvs_common.wire.cdr import MessageError
+from dvs_common.wire.anchor import parse_anchor
 from dvs_common.wire.events import EVENT_DTYPE, parse_events
 from dvs_common.wire.keyframe import parse_keyframe
-from dvs_common.wire.messages import (
-    Vector,
-    pack_array,
-    pack_command,
-    parse_command,
-)
+from dvs_common.wire.messages import Vector, pack_array, pack_command
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
-from dvs_hinf_controller.running.event_controller import EventController, PacketReport
-from dvs_hinf_controller.running.synchroniser import Synchrony
+from dvs_hinf_controller.running.event_controller import PacketReport
+from dvs_hinf_controller.running.make_controller import event_controller
+from dvs_hinf_controller.running.reference_watch import Synchrony
 
 _ASK_AGAIN_S = 0.5
 _STALE_S = 2.0
-# Of light that grows from one event to the next by more than e^100 there is none.
-_LARGEST_THRESHOLD = 100.0
+# Time without any known reference after which `unknown_references: stop` stops.
+_BLIND_S = 2.0
+_UNKNOWN_REFERENCES = 4
 # Of an estimate.
 _BYTES_A_PIXEL = 8
 
@@ -80,9 +78,9 @@ class HinfControllerNode(ManagedNode):
         events = topics.handshake_qos(scenario.loop.mode, depth)
         self.listen(PointCloud2, topics.EVENTS, self._take, events)
         latched = topics.latched_qos(depth=1)
-        self.listen(Image, topics.KEYFRAME, self._take_keyframe, latched)
-        self.listen(JointState, topics.THRESHOLD, self._take_threshold, latched)
-        self.every(_ASK_AGAIN_S, self._ask_for_keyframe)
+        self.listen(PointCloud2, topics.KEYFRAME, self._take_keyframe, latched)
+        self.listen(Image, topics.ANCHOR, self._take_anchor, topics.stream_qos())
+        self.every(_ASK_AGAIN_S, self._keep_asking)
         self._report_design()
 
     def _report_design(self) -> None:
@@ -98,16 +96,12 @@ class HinfControllerNode(ManagedNode):
 
     def activate(self) -> None:
         """Begin with what is known of the references before any event."""
-        self._controller = EventController(
-            self._design.problem,
-            self._design.controller,
-            event_threshold=self._scenario.sensor.event_threshold,
-            command_limit=self._command_limit,
-        )
-        self._lost_events = self._resynchronisations = 0
+        self._controller = event_controller(self._design, self._scenario)
+        self._lost_events = self._resynchronisations = self._repeated = 0
         self._events = self._on_events = self._packets = 0
         self._event_rate, self._packet_rate = RateMeter(), RateMeter()
-        self._restart_said = False
+        self._unknown_said = False
+        self._blind_s = 0.0
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
@@ -135,12 +129,13 @@ class HinfControllerNode(ManagedNode):
     def _take(self, message: bytes) -> None:
         packet = parse_events(message)
         report = self._controller.take(packet)
+        self._repeated += report.repeated
         self._stamp_ns = packet.stamp_ns
         self._publish_command(packet.stamp_ns, self._controller.command)
         if self._estimate_publisher.wanted:
             self._estimate_publisher.publish(pack_array(self._controller.estimate))
         self._packets += 1
-        if len(packet.events):
+        if len(packet.events) and not report.repeated:
             self._events += len(packet.events)
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         self._say(report, packet.stamp_ns)
@@ -152,34 +147,24 @@ class HinfControllerNode(ManagedNode):
 
     def _take_keyframe(self, message: bytes) -> None:
         keyframe = parse_keyframe(message)
-        self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
-
-    def _take_threshold(self, message: bytes) -> None:
-        announcement = parse_command(message)
-        if announcement.values.size != 1 or not 0 < announcement.values[0] < _LARGEST_THRESHOLD:
-            raise MessageError(
-                f'threshold {announcement.values.tolist()} is not one number > 0 and < '
-                f'{_LARGEST_THRESHOLD:g}'
-            )
-        event_threshold = float(announcement.values[0])
         running = self._controller.event_threshold
-        if self._controller.announce_threshold(announcement.stamp_ns, event_threshold):
-            self._watch_sensor()
-            if event_threshold != running:
-                self.get_logger().warning(
-                    f'event_camera goes from h = {running:g} to {event_threshold:g}, '
-                    'the estimator with it'
-                )
-            return
-        self.get_logger().error(
-            f'event_camera fires at h = {event_threshold:g}, the estimator has counted at h = '
-            f'{running:g}: the estimate is wrong until a keyframe puts it right'
+        self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
+        if self._controller.event_threshold != running:
+            self._say_threshold(running)
+
+    def _say_threshold(self, before: float) -> None:
+        self.get_logger().warning(
+            f'event_camera goes from h = {before:g} to {self._controller.event_threshold:g}, the '
+            'estimator with it'
         )
-        self._ask_for_keyframe()
+
+    def _take_anchor(self, message: bytes) -> None:
+        anchor = parse_anchor(message)
+        self._say(self._controller.take_anchor(anchor), anchor.stamp_ns)
 
     def _say(self, report: PacketReport, stamp_ns: int) -> None:
         if report.restarted:
-            self.get_logger().warning('time went back: the estimator and K start anew')
+            self.get_logger().warning('time has begun anew: the estimator and K start anew')
         if report.lost_events:
             self._lost_events += report.lost_events
             self.get_logger().error(
@@ -196,19 +181,26 @@ class HinfControllerNode(ManagedNode):
         self._watch_sensor()
 
     def _watch_sensor(self) -> None:
-        has_restarted = self._controller.synchrony is Synchrony.RESTARTED
-        if has_restarted and not self._restart_said:
+        is_unknown = self._controller.synchrony is Synchrony.UNKNOWN
+        if is_unknown and not self._unknown_said:
             self.get_logger().error(
-                'event_camera started again in the midst of the run: its references are not those '
-                'that the parameters describe, and the estimate is wrong. Start the loop again, '
-                'or set reference_lower and reference_upper to where the references are now and '
-                'activate hinf_controller again'
+                'references unknown: the sensor has started again, or was there before this '
+                'controller, and nothing has told yet where they are; waiting for a keyframe or '
+                f'an anchor (unknown_references: {self._scenario.uncertainty.unknown_references})'
             )
-        self._restart_said = has_restarted
+            self._ask_for_keyframe()
+        self._unknown_said = is_unknown
 
     def _ask_for_keyframe(self) -> None:
-        if self._controller.synchrony in (Synchrony.UNVERIFIED, Synchrony.LOST):
+        if self._controller.references.needs_keyframe:
             self._request_publisher.publish(Empty())
+
+    def _keep_asking(self) -> None:
+        self._ask_for_keyframe()
+        is_blind = self._packets and not self._controller.references.intervals.active_count
+        self._blind_s = self._blind_s + _ASK_AGAIN_S if is_blind else 0.0
+        if self._scenario.uncertainty.unknown_references == 'stop' and self._blind_s > _BLIND_S:
+            self.finish(_UNKNOWN_REFERENCES, 'references unknown (unknown_references: stop)')
 
     # -- health ---------------------------------------------------------------------------------
 
@@ -216,37 +208,48 @@ class HinfControllerNode(ManagedNode):
         """Rates, estimator and thresholds; see `ManagedNode.health`."""
         figures = self._design.figures
         h = self._controller.event_threshold
+        references = self._controller.references
+        budget = self._controller.budget(figures.delta_certified)
         event_rate = self._event_rate.read(self._events)
         return Health(
-            troubles=self._troubles(h),
+            troubles=self._troubles(budget),
             values={
                 'packets/s': f'{self._packet_rate.read(self._packets):.1f}',
                 'Mev/s': f'{event_rate * 1e-6:.6f}',
                 'share of ON': f'{self._on_events / max(self._events, 1):.3f}',
                 'events': self._events,
                 'events lost': self._lost_events,
+                'packets received twice': self._repeated,
+                'packets out of time': references.gate.refused,
                 'resynchronisations': self._resynchronisations,
                 'estimator': self._controller.synchrony.value,
+                'anchors': references.anchors,
+                'anchors unused': references.anchors_unused,
+                'pixels contradicted by anchors': references.contradictions,
+                'pixels masked': references.health.masked_count,
                 'age of events [s]': f'{self.silence_s(topics.EVENTS):.3f}',
                 'h': h,
                 'h* (published)': figures.h_star,
                 'h_certified': figures.h_certified,
+                'h ln b': f'{budget.threshold:.6g}',
+                'max w': f'{budget.ignorance:.6g}',
+                'atanh(delta_certified)': f'{budget.allowed:.6g}',
+                'certificate': str(budget),
                 'h <= h*': h <= figures.h_star,
                 'h <= h_certified': h <= figures.h_certified,
             },
         )
 
-    def _troubles(self, event_threshold: float) -> list[Trouble]:
+    def _troubles(self, budget: Budget) -> list[Trouble]:
         troubles = []
         if self.silence_s(topics.EVENTS) > _STALE_S:
             troubles.append(Trouble(level=Level.STALE, message='no events arrive'))
         if self._controller.synchrony is Synchrony.LOST:
-            troubles.append(Trouble(level=Level.ERROR, message='events lost, estimate biased'))
-        if self._controller.synchrony is Synchrony.RESTARTED:
-            trouble = 'event_camera started again, estimate wrong'
-            troubles.append(Trouble(level=Level.ERROR, message=trouble))
-        if event_threshold > self._design.figures.h_star:
-            troubles.append(Trouble(level=Level.WARN, message='h exceeds h*'))
+            troubles.append(Trouble(level=Level.ERROR, message='events lost'))
+        if self._controller.synchrony is Synchrony.UNKNOWN:
+            troubles.append(Trouble(level=Level.ERROR, message='references unknown'))
+        if not budget.is_certified:
+            troubles.append(Trouble(level=Level.WARN, message=str(budget)))
         return troubles
 
 

@@ -1,5 +1,6 @@
 """Estimator and K against a reference that takes one event at a time by matrix exponentials."""
 
+import contextlib
 import dataclasses
 import math
 
@@ -11,6 +12,7 @@ from scipy.linalg import expm
 
 from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.wire.anchor import Anchor
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EVENT_DTYPE, INDEX_MODULUS, EventPacket
 from dvs_common.wire.keyframe import Keyframe
@@ -18,9 +20,11 @@ from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.event_controller import EventController, PacketReport
-from dvs_hinf_controller.running.synchroniser import Synchrony
+from dvs_hinf_controller.running.reference_watch import Synchrony
+from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 
 MS = 1_000_000
+SECOND = 1000 * MS
 H = 0.1
 HEIGHT, WIDTH = 2, 3
 PIXELS = HEIGHT * WIDTH
@@ -244,22 +248,58 @@ def test_an_event_from_before_the_last_packet_acts_from_that_packet_on():
     assert_same(found, expected)
 
 
-def test_time_that_goes_back_starts_everything_anew():
+def test_a_stamp_that_does_not_follow_is_refused_and_changes_nothing():
+    touched, untouched = running(), running()
+    for each in (touched, untouched):
+        each.take(packet(5 * SECOND))
+        each.take(packet(5 * SECOND + MS, [(-MS, 0, 1, 1), (0, 3, -1, -1)]))
+
+    for stamp_ns in (4 * SECOND, 15 * SECOND, 5 * SECOND):
+        with pytest.raises(MessageError, match='s from the last events'):
+            touched.take(packet(stamp_ns, [(0, 2, 1, 1)], first_index=2))
+
+    following = packet(5 * SECOND + 2 * MS, [(-3, 2, 1, 1)], first_index=2)
+    assert touched.take(following) == untouched.take(following)
+    assert_same(touched, untouched, rtol=0)
+
+
+@pytest.mark.parametrize('step_ns', [-4 * SECOND, 10 * SECOND])
+def test_a_clock_that_has_stepped_leaves_references_that_nobody_knows(step_ns):
+    found = running()
+    for k in range(3):
+        found.take(packet(10 * SECOND + k * MS))
+    for k in range(4):
+        with pytest.raises(MessageError):
+            found.take(packet(10 * SECOND + step_ns + k * MS))
+
+    report = found.take(packet(10 * SECOND + step_ns + 4 * MS))
+
+    assert report.restarted
+    assert found.synchrony is Synchrony.UNKNOWN
+    np.testing.assert_array_equal(found.command, PROBLEM.equilibrium.feedforward)
+    found.take_keyframe(keyframe(10 * SECOND + step_ns + 4 * MS, [0] * PIXELS, epoch=8))
+    assert found.synchrony is Synchrony.EXACT
+    np.testing.assert_array_equal(found.estimate, running().estimate)
+
+
+def test_a_sensor_that_starts_with_a_new_time_starts_everything_anew():
     again, fresh = running(), running()
     again.take(packet(0))
-    again.take(packet(5 * MS, [(-MS, 0, 1, 1), (0, 3, -1, -1)]))
+    again.take_keyframe(keyframe(0, [0] * PIXELS))
+    for k in range(1, 30):
+        again.take(packet(k * MS, [(-5, k % PIXELS, 1, 1)], first_index=k - 1))
 
-    report = again.take(packet(0, first_index=2))
-    fresh.take(packet(0))
+    report = again.take_keyframe(keyframe(0, [0] * PIXELS, epoch=8, next_index=29))
     assert report.restarted
+    again.take(packet(0, first_index=29))
+    fresh.take(packet(0))
     assert_same(again, fresh, rtol=0)
 
-    # The camera goes on counting its events, or has begun anew: neither is a loss.
     following = [(-MS // 3, 4, 1, 1)]
-    assert again.take(packet(MS, following, first_index=2)).lost_events == 0
+    assert again.take(packet(MS, following, first_index=29)).lost_events == 0
     fresh.take(packet(MS, following))
     assert_same(again, fresh, rtol=0)
-    assert again.take(packet(2 * MS, following, first_index=5)).lost_events == 2
+    assert again.synchrony is Synchrony.EXACT
 
 
 @pytest.mark.parametrize(
@@ -290,12 +330,11 @@ def test_a_packet_received_twice_changes_nothing():
     found.take(once)
     counts, estimate, command = found.counts, found.estimate.copy(), found.command.copy()
 
-    assert found.take(once).lost_events == 0
+    assert found.take(once).repeated
     np.testing.assert_array_equal(found.counts, counts)
     np.testing.assert_array_equal(found.estimate, estimate)
     np.testing.assert_array_equal(found.command, command)
     assert found.take(packet(2 * MS, [(0, 0, 1, 1)], first_index=1)).lost_events == 0
-    assert found.synchrony is not Synchrony.RESTARTED
 
 
 BAD = {
@@ -357,13 +396,25 @@ COURSE = [
 ]
 
 
-def keyframe(stamp_ns, counts, signs=1, moved=0.0):
+def keyframe(stamp_ns, counts, *, signs=1, moved=0.0, epoch=7, **others):
+    """State of a sensor that has counted `counts` since its references were `moved`."""
     counts = np.array(counts, np.int64)
+    growth = PROBLEM.log_base ** np.broadcast_to(moved, counts.shape)
+    values = {
+        'age_s': 0.0,
+        'events': 0,
+        'next_index': 0,
+        'event_threshold': H,
+        'lower': LOWER * growth,
+        'upper': UPPER * growth,
+        **others,
+    }
     return Keyframe(
         stamp_ns=stamp_ns,
+        epoch=epoch,
         counts=counts,
         signs=np.broadcast_to(signs, counts.shape).astype(np.int8),
-        moved=np.broadcast_to(moved, counts.shape).astype(np.float64),
+        **values,
     )
 
 
@@ -373,7 +424,8 @@ def keyframe_after(packets):
     for one in packets:
         sensor.take(one)
     signs = np.sign(sensor.estimate).astype(np.int8)
-    return keyframe(packets[-1].stamp_ns, sensor.counts, signs=signs)
+    number = sum(len(one.events) for one in packets)
+    return keyframe(packets[-1].stamp_ns, sensor.counts, signs=signs, next_index=number)
 
 
 @pytest.mark.parametrize('told', [2, 3, 4, 5], ids='told at {}'.format)
@@ -393,17 +445,6 @@ def test_a_keyframe_puts_the_counts_right_after_a_loss(told, about):
     np.testing.assert_array_equal(lossy.estimate, whole.estimate)
 
 
-def test_a_keyframe_from_before_a_loss_is_of_no_use():
-    packets = packets_of(COURSE)
-    lossy = running()
-    for number, one in enumerate(packets):
-        if number != 2:
-            lossy.take(one)
-
-    assert lossy.take_keyframe(keyframe_after(packets[:2])).resynchronised_pixels is None
-    assert lossy.synchrony is Synchrony.LOST
-
-
 def test_a_keyframe_confirms_what_was_counted():
     packets = packets_of(COURSE)
     found = running()
@@ -417,7 +458,8 @@ def test_a_keyframe_confirms_what_was_counted():
 
 def test_a_keyframe_of_another_array_is_refused():
     with pytest.raises(MessageError, match='keyframe of 2 pixels, the array has 6'):
-        running().take_keyframe(keyframe(0, [0, 0]))
+        told = keyframe(0, [0] * PIXELS)
+        running().take_keyframe(dataclasses.replace(told, counts=np.zeros(2, np.int64)))
 
 
 def test_a_keyframe_tells_where_references_were_when_counting_began():
@@ -433,6 +475,54 @@ def test_a_keyframe_tells_where_references_were_when_counting_began():
     np.testing.assert_allclose(found.estimate, first * growth, rtol=1e-14)
 
 
+def test_a_loss_that_no_index_has_shown_is_told_by_a_keyframe():
+    found = running()
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
+    found.take(packet(0))
+    found.take(packet(MS, [(0, 0, 1, 1)]))
+    found.take(packet(3 * MS))
+
+    assert found.take_keyframe(keyframe(2 * MS, [1, 1, 0, 0, 0, 0], next_index=2)) == PacketReport(
+        resynchronised_pixels=1
+    )
+    assert found.synchrony is Synchrony.EXACT
+    assert found.take(packet(4 * MS, [(0, 0, 1, 1)], first_index=2)).lost_events == 0
+    assert found.counts.tolist() == [2, 1, 0, 0, 0, 0]
+
+
+def test_who_comes_into_the_midst_of_an_epoch_knows_nothing_until_the_next_keyframe():
+    found = running()
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
+    found.take(packet(SECOND, [(0, 0, 1, 1)], first_index=40))
+    assert found.synchrony is Synchrony.UNKNOWN
+    np.testing.assert_array_equal(found.command, PROBLEM.equilibrium.feedforward)
+
+    found.take_keyframe(keyframe(SECOND, np.arange(PIXELS), next_index=41, age_s=1.0))
+
+    assert found.synchrony is Synchrony.EXACT
+    np.testing.assert_array_equal(found.counts, np.arange(PIXELS))
+
+
+def test_what_is_held_while_nothing_is_known_is_a_choice():
+    for holds in (False, True):
+        found = EventController(
+            PROBLEM,
+            CONTROLLERS['stable'],
+            event_threshold=H,
+            command_limit=np.full(2, np.inf),
+            holds_unknown=holds,
+        )
+        found.take(packet(0))
+        found.take(packet(MS, [(-5, 0, 1, 1)], first_index=0))
+        last = found.command.copy()
+        found.take(packet(2 * MS, [(-5, 0, 1, 1)], first_index=0))
+        assert found.synchrony is Synchrony.UNKNOWN
+        expected = last if holds else PROBLEM.equilibrium.feedforward
+        np.testing.assert_allclose(found.command, expected, rtol=1e-2)
+        if not holds:
+            np.testing.assert_array_equal(found.command, expected)
+
+
 # -- changes on the way ---------------------------------------------------------------------------
 
 
@@ -442,70 +532,81 @@ def initial_estimate(bounds, h):
 
 def test_a_new_threshold_starts_from_where_the_references_are():
     found = running()
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(0))
-    assert found.announce_threshold(MS, 0.05)
+    moved = np.where(np.arange(PIXELS) == 2, 2 * H, 0.0)
+    told = keyframe(MS, [0] * PIXELS, moved=moved, next_index=2, event_threshold=0.05)
+    found.take_keyframe(told)
+    assert found.event_threshold == H
     found.take(packet(MS, [(-5, 2, 1, 1), (-3, 2, 1, 1)]))
     assert found.event_threshold == H
+    found.take(packet(2 * MS))
 
-    found.take(packet(2 * MS, first_index=2))
-
-    grown = np.where(np.arange(PIXELS) == 2, 2.0 ** (2 * H), 1.0)
-    bounds = ReferenceBounds(lower=LOWER * grown, upper=UPPER * grown)
+    bounds = ReferenceBounds(lower=LOWER * 2.0**moved, upper=UPPER * 2.0**moved)
     assert found.event_threshold == 0.05
+    assert found.synchrony is Synchrony.EXACT
     np.testing.assert_allclose(found.estimate, initial_estimate(bounds, 0.05), rtol=1e-12)
 
 
-def test_a_threshold_announced_too_late_needs_a_keyframe():
+def test_a_threshold_told_too_late_is_made_good_from_the_packets_since():
     found = running()
-    for one in packets_of(COURSE):
-        found.take(one)
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
+    found.take(packet(0))
+    found.take(packet(2 * MS, [(-5, 2, 1, 1)]))
+    found.take_keyframe(keyframe(MS, [0] * PIXELS, event_threshold=0.05))
 
-    assert not found.announce_threshold(MS, 0.05)
     assert found.event_threshold == 0.05
-    assert found.synchrony is Synchrony.LOST
-
-    counts, moved = np.arange(PIXELS), np.full(PIXELS, 3 * H)
-    found.take_keyframe(keyframe(len(COURSE) * MS, counts, moved=moved))
     assert found.synchrony is Synchrony.EXACT
-    bounds = ReferenceBounds(lower=LOWER * 2 ** (3 * H), upper=UPPER * 2 ** (3 * H))
-    expected = initial_estimate(bounds, 0.05) * 2.0 ** (counts * 0.05)
+    expected = initial_estimate(PROBLEM.bounds, 0.05) * 2.0 ** (0.05 * np.eye(PIXELS)[2])
     np.testing.assert_allclose(found.estimate, expected, rtol=1e-12)
 
 
-def test_two_changes_announced_at_once_hold_one_after_the_other():
-    found, slow = running(), running()
-    for controller in (found, slow):
-        controller.take(packet(0))
-    assert found.announce_threshold(MS, 0.05)
-    assert found.announce_threshold(2 * MS, H)
-    index = 0
-    for stamp_ns, changed in ((MS, 0.05), (2 * MS, H), (3 * MS, None)):
-        for controller in (found, slow):
-            controller.take(packet(stamp_ns, [(-5, 2, 1, 1), (-3, 4, -1, 1)], index))
-        index += 2
-        if changed:
-            assert slow.announce_threshold(stamp_ns, changed)
-        assert found.event_threshold == (0.05 if stamp_ns == 2 * MS else H)
+def test_two_changes_of_the_threshold_while_away_are_no_restart():
+    found = running()
+    found.take_keyframe(keyframe(SECOND, [1] * PIXELS, moved=0.3, event_threshold=0.05))
+    found.take(packet(SECOND))
 
-    np.testing.assert_array_equal(found.estimate, slow.estimate)
+    assert found.synchrony is Synchrony.EXACT
+    assert found.event_threshold == 0.05
+    moved = 2.0 ** np.full(PIXELS, 0.3)
+    bounds = ReferenceBounds(lower=LOWER * moved, upper=UPPER * moved)
+    expected = initial_estimate(bounds, 0.05) * 2.0**0.05
+    np.testing.assert_allclose(found.estimate, expected, rtol=1e-12)
 
 
 # -- a sensor that starts again -------------------------------------------------------------------
 
 
-def test_a_sensor_that_announces_itself_again_is_not_trusted():
+def test_a_sensor_that_starts_again_tells_where_its_references_are_now():
     found = running()
-    found.take(packet(MS))
-    assert found.announce_threshold(MS, H)
-    found.take_keyframe(keyframe(MS, np.zeros(PIXELS)))
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
+    for one in packets_of(COURSE):
+        found.take(one)
+    now = LOWER * 3
+    stamp_ns = (len(COURSE) + 1) * MS
+    found.take_keyframe(keyframe(stamp_ns, [0] * PIXELS, epoch=8, lower=now, upper=now))
+    found.take(packet(stamp_ns))
+
     assert found.synchrony is Synchrony.EXACT
+    bounds = ReferenceBounds(lower=now, upper=now)
+    np.testing.assert_allclose(found.estimate, initial_estimate(bounds, H), rtol=1e-12)
+    with pytest.raises(MessageError, match='epoch 7, which is over'):
+        found.take_keyframe(keyframe(stamp_ns, [0] * PIXELS))
+    assert found.take(packet(stamp_ns + MS, [(-5, 2, 1, 1)], 0)).lost_events == 0
 
-    assert found.announce_threshold(5 * MS, H)
 
-    assert found.synchrony is Synchrony.RESTARTED
-    found.take(packet(6 * MS))
-    assert found.take_keyframe(keyframe(6 * MS, np.ones(PIXELS))) == PacketReport()
-    assert found.synchrony is Synchrony.RESTARTED
+def test_a_sensor_that_can_not_tell_where_its_references_are_leaves_them_unknown():
+    found = running()
+    found.take(packet(0))
+    nothing, anything = np.zeros(PIXELS), np.full(PIXELS, np.inf)
+    found.take_keyframe(keyframe(0, [0] * PIXELS, lower=nothing, upper=anything))
+
+    assert found.synchrony is Synchrony.UNKNOWN
+    np.testing.assert_array_equal(found.estimate, nothing)
+    y = np.linspace(0.5, 0.6, PIXELS)
+    found.take_anchor(Anchor(stamp_ns=0, luminosity=y))
+    assert found.synchrony is Synchrony.EXACT
+    np.testing.assert_allclose(found.estimate, y, rtol=H)
 
 
 def test_a_number_that_goes_back_is_no_loss_but_another_sensor():
@@ -516,35 +617,96 @@ def test_a_number_that_goes_back_is_no_loss_but_another_sensor():
     report = found.take(packet(9 * MS, [(-5, 2, 1, 1)], 0))
 
     assert report == PacketReport()
-    assert found.synchrony is Synchrony.RESTARTED
+    assert found.synchrony is Synchrony.UNKNOWN
     assert found.take(packet(10 * MS, [(-5, 2, 1, 1)], 4)).lost_events == 3
-    assert found.synchrony is Synchrony.RESTARTED
+    assert found.synchrony is not Synchrony.EXACT
 
 
-def test_a_loop_that_starts_again_with_its_sensor_is_trusted_again():
+def test_an_epoch_that_is_over_is_believed_again_only_if_it_insists():
     found = running()
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(0))
-    found.announce_threshold(5 * MS, H)
-    assert found.synchrony is Synchrony.RESTARTED
-    found.take(packet(6 * MS))
+    found.take_keyframe(keyframe(0, [0] * PIXELS, epoch=8))
+    for _ in range(2):
+        with pytest.raises(MessageError, match='which is over'):
+            found.take_keyframe(keyframe(0, [3] * PIXELS))
+    assert found.counts.tolist() == [0] * PIXELS
 
-    assert found.take(packet(0)).restarted
-    assert found.synchrony is Synchrony.UNVERIFIED
+    found.take_keyframe(keyframe(0, [3] * PIXELS))
+    assert found.counts.tolist() == [3] * PIXELS
 
 
-@pytest.mark.parametrize('taken', [True, False], ids=['taken', 'announced'])
-def test_a_sensor_that_starts_again_keeps_its_threshold(taken):
-    found = running()
+# -- anchors --------------------------------------------------------------------------------------
+
+
+def with_anchors(mask=(), **uncertainty):
+    return EventController(
+        PROBLEM,
+        CONTROLLERS['stable'],
+        event_threshold=H,
+        command_limit=np.full(2, np.inf),
+        uncertainty=SensorUncertainty(**uncertainty),
+        pixel_mask=mask,
+    )
+
+
+def test_an_anchor_waits_for_the_packet_of_its_stamp_and_counts_what_came_after():
+    early, late = with_anchors(), with_anchors()
+    y = (LOWER + UPPER) / 2 * 1.02
+    anchor = Anchor(stamp_ns=2 * MS, luminosity=y)
+    late_rows = [(2 * MS, [(-5, 1, 1, 1)], 0), (3 * MS, [(-5, 1, 1, 1)], 1)]
+    for each in (early, late):
+        each.take(packet(0))
+    early.take_anchor(anchor)
+    assert early.references.anchors == 0
+    for row in late_rows:
+        early.take(packet(*row))
+        late.take(packet(*row))
+    late.take_anchor(anchor)
+
+    assert early.references.anchors == late.references.anchors == 1
+    np.testing.assert_allclose(early.estimate, late.estimate, rtol=1e-12)
+    assert np.any(early.estimate != running().estimate)
+
+
+@pytest.mark.parametrize('stamp_ns', [-MS, 9 * SECOND])
+def test_an_anchor_of_times_that_nobody_remembers_changes_nothing(stamp_ns):
+    found = with_anchors()
     found.take(packet(0))
-    found.announce_threshold(0, 0.05)
-    if taken:
-        found.take(packet(5 * MS))
+    before = found.estimate.copy()
+    anchor = Anchor(stamp_ns=stamp_ns, luminosity=np.full(PIXELS, 9.0))
+    if stamp_ns > 0:
+        with pytest.raises(MessageError, match='anchor stamped'):
+            found.take_anchor(anchor)
+    else:
+        found.take_anchor(anchor)
+        assert found.references.anchors_unused == 1
+    np.testing.assert_array_equal(found.estimate, before)
 
-    found.take(packet(-MS))
 
-    bounds = ReferenceBounds(lower=LOWER, upper=UPPER)
-    assert found.event_threshold == 0.05
-    np.testing.assert_allclose(found.estimate, initial_estimate(bounds, 0.05), rtol=1e-12)
+def test_an_anchor_of_another_array_is_refused():
+    with pytest.raises(MessageError, match='anchor of 2 pixels, the array has 6'):
+        running().take_anchor(Anchor(stamp_ns=0, luminosity=np.ones(2)))
+
+
+def test_a_hot_pixel_is_masked_and_the_mean_goes_over_the_others():
+    found = with_anchors(anchor=0.01)
+    y = PROBLEM.set_point_luminosity
+    found.take_keyframe(keyframe(0, [0] * PIXELS, lower=y, upper=y))
+    for k in range(200):
+        rows = [(-7, 3, 1, 1), (-5, 3, 1, 1)]
+        found.take(packet(k * MS, rows, 2 * k))
+        if k % 30 == 29:
+            found.take_anchor(Anchor(stamp_ns=k * MS, luminosity=y))
+
+    healthy = np.arange(PIXELS) != 3
+    assert found.references.health.healthy.tolist() == healthy.tolist()
+    others = with_anchors(mask=(3,), anchor=0.01)
+    others.take_keyframe(keyframe(0, [0] * PIXELS, lower=y, upper=y))
+    others.take(packet(0))
+    np.testing.assert_array_equal(found.estimate[healthy], others.estimate[healthy])
+    assert found.estimate[3] / y[3] > 10 or found.estimate[3] / y[3] < 2
+    np.testing.assert_allclose(others.estimate[healthy], y[healthy], rtol=H)
 
 
 def test_another_set_point_keeps_what_is_known_of_the_pixels():
@@ -586,20 +748,24 @@ packets = st.lists(
 def test_looking_ahead_changes_no_bit(sequence):
     """The same packets, keyframes, thresholds and set-points to one that looks ahead or not."""
     plain, ahead = running(), running()
-    stamp_ns, index = 0, 0
+    stamp_ns, index, epoch = 0, 0, 7
     for duration_ns, rows, happening in sequence:
         stamp_ns = 0 if happening == 'back' else stamp_ns + duration_ns
+        epoch += happening == 'back'
+        h = 0.5 * H if happening == 'threshold' else H
+        told = keyframe(
+            stamp_ns, np.arange(PIXELS), epoch=epoch, next_index=index, event_threshold=h
+        )
         for controller in (plain, ahead):
-            if happening == 'keyframe':
-                controller.take_keyframe(keyframe(stamp_ns, np.arange(PIXELS)))
-            elif happening == 'redirect':
+            if happening == 'redirect':
                 further = dataclasses.replace(
                     PROBLEM, equilibrium=PROBLEM.model.equilibrium([0.3, 0.2], tolerance=1e-9)
                 )
                 controller.redirect(further, CONTROLLERS['stable'])
-            elif happening == 'threshold':
-                controller.announce_threshold(stamp_ns, 0.5 * H)
-            controller.take(packet(stamp_ns, rows, index))
+            elif happening:
+                controller.take_keyframe(told)
+            with contextlib.suppress(MessageError):
+                controller.take(packet(stamp_ns, rows, index))
         assert ahead.command.tobytes() == plain.command.tobytes()
         assert ahead.estimate.tobytes() == plain.estimate.tobytes()
         ahead.look_ahead()
@@ -616,10 +782,11 @@ def test_counts_that_no_light_explains_are_refused_and_not_trusted():
 
     assert np.array_equal(controller.estimate, before)
     assert np.isfinite(controller.command).all()
+    assert controller.take(packet(2 * MS, [(0, 0, 1, 1)], 5000)).lost_events == 5000
     assert controller.synchrony is Synchrony.LOST
 
 
-@pytest.mark.parametrize('numbers', [{'counts': [2**31] * PIXELS}, {'moved': 5000.0}])
+@pytest.mark.parametrize('numbers', [{'counts': [2**31] * PIXELS}, {'moved': 900.0}])
 def test_a_keyframe_beyond_all_numbers_changes_nothing(numbers):
     controller = running()
     controller.take(packet(0))

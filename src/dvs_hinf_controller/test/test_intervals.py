@@ -90,7 +90,7 @@ class Sensor:
                 pixels=pixels,
                 polarities=polarities,
                 signs=signs,
-                first_index=0,
+                next_index=0,
                 lost=self.noted,
             )
         )
@@ -262,7 +262,7 @@ def test_events_that_may_have_come_before_an_anchor_widen_it():
         pixels=pixels,
         polarities=polarities,
         signs=signs,
-        first_index=0,
+        next_index=0,
         lost=0,
     )
     history.add(packet)

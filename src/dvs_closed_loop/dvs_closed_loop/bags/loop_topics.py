@@ -9,10 +9,12 @@ from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
+from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import image_head, parse_command, parse_state
 
 FirstMessage = Callable[[str], bytes | None]
 
+# What the topic `threshold` of the contract's first version carries.
 _THRESHOLD_NAMES = ('event_threshold',)
 
 
@@ -157,10 +159,6 @@ def _is_one(topic: str, message: bytes | None) -> bool:
         return False
 
 
-def _is_threshold(message: bytes) -> bool:
-    return parse_command(message).names == _THRESHOLD_NAMES
-
-
 def _is_command(message: bytes) -> bool:
     command = parse_command(message)
     return bool(command.names) and command.names != _THRESHOLD_NAMES
@@ -169,11 +167,8 @@ def _is_command(message: bytes) -> bool:
 _IS_ONE: dict[str, Callable[[bytes], bool]] = {
     topics.EVENTS: lambda message: parse_events(message) is not None,
     topics.LUMINOSITY: lambda message: image_head(message).format.encoding in ('64FC1', '32FC1'),
-    topics.KEYFRAME: lambda message: (
-        image_head(message).format.encoding in ('32SC1', '32SC2', '64FC3')
-    ),
+    topics.KEYFRAME: lambda message: parse_keyframe(message) is not None,
     topics.COMMAND: _is_command,
     topics.STATE: lambda message: bool(parse_state(message).names),
-    topics.THRESHOLD: _is_threshold,
     topics.ESTIMATE: lambda message: True,
 }

@@ -46,7 +46,7 @@ class Stream:
         """Quality of service that satisfies every subscriber of the contract."""
         if self.topic == topics.CLOCK:
             return topics.clock_qos()
-        if self.topic in (topics.KEYFRAME, topics.THRESHOLD):
+        if self.topic == topics.KEYFRAME:
             return topics.latched_qos(depth=1)
         return topics.latched_qos() if self.latched else topics.stream_qos()
 
@@ -59,9 +59,9 @@ STREAMS = {
         Stream(topic=topics.COMMAND, type_name='sensor_msgs/msg/JointState', latched=True),
         Stream(topic=topics.STATE, type_name='sensor_msgs/msg/JointState'),
         Stream(topic=topics.ESTIMATE, type_name='std_msgs/msg/Float64MultiArray'),
-        Stream(topic=topics.KEYFRAME, type_name='sensor_msgs/msg/Image', latched=True),
+        Stream(topic=topics.KEYFRAME, type_name='sensor_msgs/msg/PointCloud2', latched=True),
         Stream(topic=topics.KEYFRAME_REQUEST, type_name='std_msgs/msg/Empty'),
-        Stream(topic=topics.THRESHOLD, type_name='sensor_msgs/msg/JointState', latched=True),
+        Stream(topic=topics.ANCHOR, type_name='sensor_msgs/msg/Image'),
         Stream(topic=topics.CLOCK, type_name='rosgraph_msgs/msg/Clock'),
         Stream(topic=topics.DIAGNOSTICS, type_name='diagnostic_msgs/msg/DiagnosticArray'),
         Stream(topic=topics.POLARITY, type_name='std_msgs/msg/Int16MultiArray', on_demand=True),

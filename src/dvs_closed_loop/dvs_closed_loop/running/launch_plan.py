@@ -22,7 +22,7 @@ _RECORDED = (
     topics.LUMINOSITY,
     topics.EVENTS,
     topics.KEYFRAME,
-    topics.THRESHOLD,
+    topics.ANCHOR,
     topics.COMMAND,
     topics.STATE,
     topics.ESTIMATE,

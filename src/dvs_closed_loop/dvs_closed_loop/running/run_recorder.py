@@ -24,7 +24,7 @@ RECORDED = (
     topics.ESTIMATE,
     topics.CLOCK,
     topics.KEYFRAME,
-    topics.THRESHOLD,
+    topics.ANCHOR,
     topics.DIAGNOSTICS,
 )
 # What a verdict needs.
@@ -134,7 +134,7 @@ def _qos(topic: str, mode: str) -> QoSProfile:
         return topics.clock_qos()
     if topic in (topics.EVENTS, topics.COMMAND):
         qos = topics.handshake_qos(mode)
-    elif topic in (topics.KEYFRAME, topics.THRESHOLD):
+    elif topic == topics.KEYFRAME:
         qos = topics.latched_qos()
     else:
         qos = topics.stream_qos()

@@ -45,11 +45,26 @@ class CameraParameters(ParameterGroup):
     )
     keyframe_period: float = parameter(
         1.0,
-        'Time of the samples between two keyframes, the sums of polarities of all pixels; 0: '
+        'Time of the samples between two keyframes, which tell the state of every pixel; 0: '
         'only at a start',
         nodes=(CAMERA,),
         unit='s',
         interval=_UP_TO_A_MILLION,
+    )
+    frame_rate: float = parameter(
+        0.0,
+        'Absolute measurements of the luminosity on anchor, as a sensor with frames gives them; '
+        '0: none',
+        nodes=(CAMERA,),
+        unit='1/s',
+        interval=_UP_TO_A_MILLION,
+    )
+    frame_noise: float = parameter(
+        0.0,
+        'Standard deviation of the relative error of every pixel in these measurements, normal '
+        'and cut off at three of them',
+        nodes=(CAMERA,),
+        interval=Interval(low=0, high=0.3),
     )
     compressed_input: bool = parameter(
         False,

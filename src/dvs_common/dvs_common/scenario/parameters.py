@@ -29,6 +29,7 @@ from dvs_common.scenario.plant_parameters import (
 )
 from dvs_common.scenario.schema import Schema, Value
 from dvs_common.scenario.sensor_parameters import SensorParameters
+from dvs_common.scenario.uncertainty_parameters import UncertaintyParameters
 
 __all__ = ['CAMERA', 'CONTROLLER', 'GROUPS', 'PLANT', 'PLANT_GROUP', 'SCHEMA', 'Parameters']
 
@@ -47,6 +48,7 @@ GROUPS = MappingProxyType(
         'loop': LoopParameters,
         'disturbance': DisturbanceParameters,
         'controller': ControllerParameters,
+        'uncertainty': UncertaintyParameters,
     }
 )
 _GROUP_OF = {spec.name: name for name, group in GROUPS.items() for spec in specs_of(group)}
@@ -84,6 +86,8 @@ class Parameters:
         What disturbs the simulated plant.
     controller
         Method and options of the design.
+    uncertainty
+        How far the sensor may be from an ideal one.
     plant_extras
         Parameters of a plant node other than `plant_sim`, by their whole names (``plant.*``).
 
@@ -103,6 +107,7 @@ class Parameters:
     loop: LoopParameters = field(default_factory=LoopParameters)
     disturbance: DisturbanceParameters = field(default_factory=DisturbanceParameters)
     controller: ControllerParameters = field(default_factory=ControllerParameters)
+    uncertainty: UncertaintyParameters = field(default_factory=UncertaintyParameters)
     plant_extras: Mapping[str, Value] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

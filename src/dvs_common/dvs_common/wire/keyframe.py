@@ -1,4 +1,4 @@
-"""What travels on `keyframe`: the counts of every pixel, to be right again after a loss."""
+"""What travels on `keyframe`: all that a consumer needs to know of the sensor to be right."""
 
 from __future__ import annotations
 
@@ -9,39 +9,71 @@ from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.wire.cdr import MessageError
-from dvs_common.wire.messages import pack_image, parse_image
+from dvs_common.wire.points import Points, pack_points, parse_points
 
-# Type and number of channels; the first is N, the second the sign, the third what moved.
-_CHANNELS = {'32SC1': ('<i4', 1), '32SC2': ('<i4', 2), '64FC3': ('<f8', 3)}
+CONTRACT_VERSION = 2
+# One record a pixel; what is the same for all pixels stands in every one.
+KEYFRAME_DTYPE: np.dtype[np.void] = np.dtype(
+    {
+        'names': [
+            *('version', 'sign', 'count', 'epoch', 'index', 'events', 'age', 'threshold'),
+            *('lower', 'upper'),
+        ],
+        'formats': ['u1', 'i1', '<i4', '<u4', '<u4', *['<f8'] * 5],
+        'offsets': [0, 1, 4, 8, 12, 16, 24, 32, 40, 48],
+        'itemsize': 56,
+    }
+)
+_COMMON = ('epoch', 'index', 'events', 'age', 'threshold')
+# Of light that grows from one event to the next by more than e^100 there is none.
+_LARGEST_THRESHOLD = 100.0
+_LARGEST_REFERENCE = 1e100
+_LONGEST_AGE_S = 1e10
+_MOST_EVENTS = 2.0**53
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Keyframe:
-    """What a `keyframe` says: the state of every pixel at its stamp.
+    """State of a sensor after the events of a sample; see docs/wire_contract.md.
 
     Parameters
     ----------
     stamp_ns
-        Sample after whose events the counts hold, ns.
+        Sample after whose events it holds, ns.
+    epoch
+        Number of this life of the sensor, drawn when its references were set.
+    age_s
+        Time since then, s.
+    events
+        Events of all pixels since then.
+    next_index
+        Running number of the next event.
+    event_threshold
+        h of every event after this one, in logarithms to the base b.
     counts
-        N, sum of the polarities since counting began at zero, shape (r,), int64.
+        N, sum of the polarities since counting began at this threshold, shape (r,), int64.
     signs
         Sign of every reference, shape (r,), int8.
-    moved
-        ``log_b |q / q(0)|`` when that counting began, shape (r,): 0 at the first sample, and the
-        sum of N h over all former thresholds after live changes of the threshold.
+    lower
+        m: ``|q|`` where counting began was at least this, shape (r,); 0 where nobody knows.
+    upper
+        M: it was at most this, shape (r,); infinite where nobody knows.
     """
 
     stamp_ns: int
+    epoch: int
+    age_s: float
+    events: int
+    next_index: int
+    event_threshold: float
     counts: NDArray[np.int64]
     signs: NDArray[np.int8]
-    moved: FloatArray
+    lower: FloatArray
+    upper: FloatArray
 
 
-def pack_keyframe(keyframe: Keyframe, *, height: int, width: int, signed: bool) -> bytes:
-    """Serialized sensor_msgs/Image: `32SC1` with N, or `32SC2` with N and the sign.
-
-    `64FC3` with N, sign and what moved, where counting began anew with another threshold.
+def pack_keyframe(keyframe: Keyframe, *, height: int, width: int) -> bytes:
+    """Serialized sensor_msgs/PointCloud2 of `KEYFRAME_DTYPE`.
 
     Parameters
     ----------
@@ -51,18 +83,24 @@ def pack_keyframe(keyframe: Keyframe, *, height: int, width: int, signed: bool) 
         Rows of the pixel array.
     width
         Columns of the pixel array.
-    signed
-        Whether references can be negative, so that their signs must travel too.
     """
-    encoding = '64FC3' if keyframe.moved.any() else '32SC2' if signed else '32SC1'
-    kind, channels = _CHANNELS[encoding]
-    parts = [
-        keyframe.counts.astype(kind),
-        keyframe.signs.astype(kind),
-        keyframe.moved.astype(kind),
-    ]
-    pixels = np.stack(parts[:channels], axis=-1).reshape(height, width, channels)
-    return pack_image(keyframe.stamp_ns, pixels, encoding)
+    records = np.zeros(keyframe.counts.size, KEYFRAME_DTYPE)
+    known = (keyframe.lower > 0) & np.isfinite(keyframe.upper)
+    columns = {
+        'version': CONTRACT_VERSION,
+        'sign': keyframe.signs,
+        'count': keyframe.counts,
+        'epoch': keyframe.epoch,
+        'index': keyframe.next_index,
+        'events': keyframe.events,
+        'age': keyframe.age_s,
+        'threshold': keyframe.event_threshold,
+        'lower': np.where(known, keyframe.lower, 0.0),
+        'upper': np.where(known, keyframe.upper, 0.0),
+    }
+    for name, values in columns.items():
+        records[name] = values
+    return pack_points(Points(stamp_ns=keyframe.stamp_ns, records=records.reshape(height, width)))
 
 
 def parse_keyframe(message: bytes) -> Keyframe:
@@ -71,30 +109,51 @@ def parse_keyframe(message: bytes) -> Keyframe:
     Parameters
     ----------
     message
-        CDR bytes of a sensor_msgs/Image.
+        CDR bytes of a sensor_msgs/PointCloud2.
 
     Raises
     ------
     MessageError
-        If the encoding is none of `32SC1`, `32SC2` and `64FC3`, or the rows are not packed, or the
-        message is cut short, or counts are not whole, signs not +1 or -1 or references not finite.
+        If the message is cut short, has another layout or contract version, or a number in it is
+        out of its range.
     """
-    frame = parse_image(message)
-    form = frame.format
-    kind, channels = _CHANNELS.get(form.encoding, ('<i4', 0))
-    row = np.dtype(kind).itemsize * channels * form.width
-    if not channels or form.big_endian or form.step != row:
+    points = parse_points(message, KEYFRAME_DTYPE)
+    records = points.records.reshape(-1)
+    if not records.size:
+        raise MessageError('keyframe of no pixel')
+    if (records['version'] != CONTRACT_VERSION).any():
         raise MessageError(
-            'keyframe must be little-endian 32SC1, 32SC2 or 64FC3 with packed rows, is '
-            f'{form.encoding}'
+            f'keyframe of contract version {records["version"][0]}, must be {CONTRACT_VERSION}'
         )
-    pixels = np.frombuffer(frame.data, dtype=kind).reshape(-1, channels)
-    whole = np.all(np.isfinite(pixels)) and np.all(np.rint(pixels[:, :2]) == pixels[:, :2])
-    if not whole or (channels > 1 and np.any(np.abs(pixels[:, 1]) != 1)):
-        raise MessageError('keyframe must hold whole counts, signs +1 or -1 and finite references')
+    common = records[0]
+    for name in _COMMON:
+        if (records[name] != common[name]).any():
+            raise MessageError(f'{name} of a keyframe must be the same for every pixel')
+    _require(0 < common['threshold'] < _LARGEST_THRESHOLD, 'threshold', common['threshold'])
+    _require(0 <= common['age'] < _LONGEST_AGE_S, 'age', common['age'])
+    events = common['events']
+    _require(0 <= events < _MOST_EVENTS and events == np.rint(events), 'events', events)
+    if (np.abs(records['sign'].astype(np.int64)) != 1).any():
+        raise MessageError('signs of a keyframe must be +1 or -1')
+    lower, upper = records['lower'], records['upper']
+    unknown = (lower == 0) & (upper == 0)
+    bounded = (lower >= 1 / _LARGEST_REFERENCE) & (upper <= _LARGEST_REFERENCE) & (lower <= upper)
+    if not (unknown | bounded).all():
+        raise MessageError('bounds of a keyframe must be 0 < lower <= upper, or 0 where unknown')
     return Keyframe(
-        stamp_ns=frame.stamp_ns,
-        counts=pixels[:, 0].astype(np.int64),
-        signs=(pixels[:, 1] if channels > 1 else np.ones(len(pixels))).astype(np.int8),
-        moved=pixels[:, 2].astype(np.float64) if channels > 2 else np.zeros(len(pixels)),
+        stamp_ns=points.stamp_ns,
+        epoch=int(common['epoch']),
+        age_s=float(common['age']),
+        events=int(events),
+        next_index=int(common['index']),
+        event_threshold=float(common['threshold']),
+        counts=records['count'].astype(np.int64),
+        signs=records['sign'].astype(np.int8),
+        lower=lower.astype(np.float64),
+        upper=np.where(unknown, np.inf, upper),
     )
+
+
+def _require(holds: bool, name: str, value: float) -> None:
+    if not holds:
+        raise MessageError(f'{name} {value} of a keyframe is out of its range')

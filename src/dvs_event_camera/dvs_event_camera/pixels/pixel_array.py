@@ -94,6 +94,7 @@ class PixelArray:
         backend: str = 'auto',
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
+        self._event_threshold = event_threshold
         self._log_base = log_base
         self._invalid_before = 0
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
@@ -108,6 +109,7 @@ class PixelArray:
         self._seed = seed
         self._backend = backend
         self._stamp_ns: int | None = None
+        self._bounds: ReferenceBounds
         self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
         self._silent_frame: list[float] | None = None
         self._comparator: Comparator
@@ -131,6 +133,11 @@ class PixelArray:
         return self._comparator.signs.copy()
 
     @property
+    def event_threshold(self) -> float:
+        """h at which the pixels fire now."""
+        return self._event_threshold
+
+    @property
     def bounds(self) -> ReferenceBounds:
         """Bounds m and M that were checked at the first sample."""
         return self._bounds
@@ -144,6 +151,11 @@ class PixelArray:
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
         return self._invalid_before + self._comparator.invalid
+
+    @property
+    def waiting(self) -> NDArray[np.int64]:
+        """Pixels that have seen no light yet, so that they have no reference; a copy."""
+        return self._waiting.copy()
 
     @property
     def waiting_pixels(self) -> int:
@@ -187,6 +199,7 @@ class PixelArray:
         position = np.clip(distance / step, -_INSIDE, _INSIDE)
         self._invalid_before += comparator.invalid
         self._origin, self._step = origin, step
+        self._event_threshold = event_threshold
         self._comparator = ideal_comparator(self._backend, origin + position * step, origin, step)
         self._band = self._silent_band()
 
@@ -253,6 +266,10 @@ class PixelArray:
         pixels, light, levels = self._waiting[lit], light[lit], levels[lit]
         self._waiting = self._waiting[~lit]
         self._origin[pixels] = levels
+        started = narrowed(light, self._uncertainty, self._receptor, self._step)
+        lower, upper = self._bounds.lower.copy(), self._bounds.upper.copy()
+        lower[pixels], upper[pixels] = started.lower, started.upper
+        self._bounds = ReferenceBounds(lower=lower, upper=upper)
         for stage in self._stages:
             stage.start_pixels(pixels, levels, stamp_ns - self._first_ns)
         signed = self._receptor.dead_band is not None

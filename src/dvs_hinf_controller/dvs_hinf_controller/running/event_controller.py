@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,17 +10,16 @@ from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.wire.anchor import Anchor
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EventPacket
-from dvs_common.wire.index_watch import Order
 from dvs_common.wire.keyframe import Keyframe
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.held_input import HeldInputResponse
-from dvs_hinf_controller.running.interval_arithmetic import Told, require_finite
-from dvs_hinf_controller.running.intervals import ReferenceIntervals
+from dvs_hinf_controller.running.reference_watch import ReferenceWatch, Synchrony, Taken
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
-from dvs_hinf_controller.running.synchroniser import Synchroniser, Synchrony
 
 _KEPT_STEPS = 16
 
@@ -34,15 +32,21 @@ class PacketReport:
     ----------
     lost_events
         Events missing before this packet, by the running event number.
+    repeated
+        Whether the packet is the last one once more, so that nothing has changed.
     restarted
-        Whether the packet lies before the previous one, so that everything began anew.
+        Whether time has begun anew, and the estimator and K with it.
     resynchronised_pixels
-        Pixels whose count a keyframe has put right; None where there was no keyframe to apply.
+        Pixels that a keyframe has put right; None where there was no keyframe to apply.
+    contradicted_pixels
+        Pixels whose reference an anchor has contradicted.
     """
 
     lost_events: int = 0
+    repeated: bool = False
     restarted: bool = False
     resynchronised_pixels: int | None = None
+    contradicted_pixels: int = 0
 
 
 _NOTHING_NOTICED = PacketReport()
@@ -76,6 +80,13 @@ class EventController:
         h, in logarithms to the problem's base.
     command_limit
         Largest ``|u_o|``, shape (m,); infinite where there is none.
+    uncertainty
+        How far the sensor may be from an ideal one; None for an ideal one.
+    pixel_mask
+        Pixels that are not to be listened to.
+    holds_unknown
+        Whether the last command is held while no reference is known, and not the equilibrium
+        input.
     """
 
     def __init__(
@@ -85,34 +96,52 @@ class EventController:
         *,
         event_threshold: float,
         command_limit: FloatArray,
+        uncertainty: SensorUncertainty | None = None,
+        pixel_mask: Sequence[int] = (),
+        holds_unknown: bool = False,
     ) -> None:
-        self._event_threshold = event_threshold
         self._limit = command_limit if np.isfinite(command_limit).any() else None
+        self._holds_unknown = holds_unknown
         self._aim(problem, controller)
-        self._reset()
+        self.references = ReferenceWatch(
+            problem.bounds,
+            event_threshold=event_threshold,
+            log_base=problem.log_base,
+            width=problem.scene.width,
+            uncertainty=uncertainty or SensorUncertainty(),
+            masked=pixel_mask,
+        )
+        self._begin()
 
     def _aim(self, problem: DesignProblem, controller: LinearController) -> None:
         self._problem = problem
         self._controller = controller
         self._response = HeldInputResponse(controller.state_matrix, controller.input_vector)
         self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
-        self._mean_target = float(problem.set_point_luminosity.mean())
+        self._target = problem.set_point_luminosity
+        self._mean_target = float(self._target.mean())
         self._feedforward = problem.equilibrium.feedforward
         self._ahead: _Ahead | None = None
 
-    def _reset(self) -> None:
-        self._estimator = ReferenceIntervals(
-            self._problem.bounds,
-            event_threshold=self._event_threshold,
-            log_base=self._problem.log_base,
-            uncertainty=SensorUncertainty(),
-        )
-        self._synchroniser = Synchroniser()
-        self._stamp_ns: int | None = None
+    def _begin(self) -> None:
         self._duration_ns = 0
-        self._threshold_changes: deque[tuple[int, float]] = deque()
-        self._first_ns: int | None = None
         self._state = np.zeros(self._controller.order)
+        self._resting = self._bounded(self._feedforward)
+        self._deviation = 0.0
+        self._is_blind = False
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Take over what is known now; where nothing is, rest until something is."""
+        is_blind = not self.references.intervals.active_count
+        if is_blind and not self._is_blind:
+            self._resting = (
+                self._command_of(self._state)
+                if self._holds_unknown
+                else self._bounded(self._feedforward)
+            )
+            self._state = np.zeros(self._controller.order)
+        self._is_blind = is_blind
         self._deviation = self._mean_deviation()
 
     def redirect(self, problem: DesignProblem, controller: LinearController) -> None:
@@ -132,66 +161,64 @@ class EventController:
         self._aim(problem, controller)
         if not same:
             self._state = np.zeros(controller.order)
+        if not self._holds_unknown:
+            self._resting = self._bounded(self._feedforward)
         self._deviation = self._mean_deviation()
 
-    def announce_threshold(self, after_ns: int, event_threshold: float) -> bool:
-        """Note that events stamped after `after_ns` are fired at another threshold.
-
-        A sensor announces the threshold with its first sample too; one that does so in the midst
-        of our packets has started again, with references that are not known here.
-
-        Parameters
-        ----------
-        after_ns
-            Last instant of the present threshold, ns.
-        event_threshold
-            New h.
-
-        Returns
-        -------
-        bool
-            False if later events have already been counted at the present threshold: the new one
-            holds at once, but only a keyframe can tell where the references are.
-        """
-        if event_threshold == self._latest_threshold():
-            if self._first_ns is not None and after_ns > self._first_ns:
-                self._synchroniser.distrust()
-            return True
-        if self._stamp_ns is not None and self._stamp_ns > after_ns:
-            self._change_threshold(event_threshold)
-            self._threshold_changes.clear()
-            self._synchroniser.give_up()
-            return False
-        self._threshold_changes.append((after_ns, event_threshold))
-        return True
-
     def _mean_deviation(self) -> float:
-        return self._estimator.mean_estimate - self._mean_target
+        known = self.references.intervals
+        if self._is_blind:
+            return 0.0
+        if known.active_count == known.active.size:
+            return known.mean_estimate - self._mean_target
+        return known.mean_estimate - float(self._target[known.active].mean())
 
     @property
     def counts(self) -> NDArray[np.int64]:
         """N of every pixel, shape (r,)."""
-        return self._estimator.counts
+        return self.references.intervals.counts
 
     @property
     def estimate(self) -> FloatArray:
         """Estimate z of every luminosity, shape (r,)."""
-        estimate: FloatArray = self._estimator.estimate
+        estimate: FloatArray = self.references.intervals.estimate
         return estimate
 
     @property
     def event_threshold(self) -> float:
         """Threshold h at which events are counted now."""
-        return self._estimator.event_threshold
+        return self.references.intervals.event_threshold
+
+    def budget(self, delta_certified: float) -> Budget:
+        """What is used now of the error that a certificate allows.
+
+        Parameters
+        ----------
+        delta_certified
+            Relative error of the estimate up to which the tolerance is guaranteed.
+        """
+        known = self.references.intervals
+        widths = known.half_widths[known.active]
+        return Budget(
+            threshold=known.log_thresholds,
+            ignorance=float(widths.max(initial=0.0)),
+            delta_certified=delta_certified,
+            unknown_pixels=known.unknown_count,
+        )
 
     @property
     def synchrony(self) -> Synchrony:
         """How far the counts can be trusted."""
-        return self._synchroniser.state
+        return self.references.synchrony
 
     @property
     def command(self) -> FloatArray:
-        """``u_o = Cc xc + Dc e - B^+ A x_d`` within the limits, shape (m,)."""
+        """``u_o = Cc xc + Dc e - B^+ A x_d`` within the limits, shape (m,).
+
+        While no reference is known, what holds the equilibrium, or the last command.
+        """
+        if self._is_blind:
+            return self._resting
         ahead = self._ahead
         if ahead is not None and ahead.state is self._state and ahead.deviation == self._deviation:
             return ahead.command
@@ -200,7 +227,9 @@ class EventController:
     def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
         command = k.output_matrix @ state + k.feedthrough * self._deviation
-        command = command + self._feedforward
+        return self._bounded(command + self._feedforward)
+
+    def _bounded(self, command: FloatArray) -> FloatArray:
         return command if self._limit is None else np.clip(command, -self._limit, self._limit)
 
     def look_ahead(self) -> None:
@@ -217,9 +246,9 @@ class EventController:
     def take(self, packet: EventPacket) -> PacketReport:
         """Advance to the packet's stamp through all of its events.
 
-        A packet stamped before the previous one starts everything anew; one with the same stamp
-        adds its events at that instant. An event from before the previous packet acts from that
-        packet's stamp on.
+        The last packet once more changes nothing. One of the same stamp with other events adds
+        them at that instant. An event from before the previous packet acts from that packet's
+        stamp on.
 
         Parameters
         ----------
@@ -234,35 +263,40 @@ class EventController:
         Raises
         ------
         MessageError
-            If an event lies outside of the pixel array or after the packet's stamp, events are not
-            in order, or a polarity or sign is not +1 or -1; nothing has changed then. If the
-            events lead out of the range of numbers; only a keyframe makes the counts right then.
+            If its stamp is an outlier, an event lies outside of the pixel array or after the
+            packet's stamp, events are not in order, a polarity or sign is not +1 or -1, or events
+            lead out of the range of numbers; nothing has changed then.
         """
-        events = packet.events
-        if len(events):
+        if len(packet.events):
             self._check(packet)
-        restarted = self._stamp_ns is not None and packet.stamp_ns < self._stamp_ns
-        if restarted:
-            self._event_threshold = self._latest_threshold()
-            self._reset()
-            self._synchroniser.accept_any_index()
-        while self._threshold_changes and packet.stamp_ns > self._threshold_changes[0][0]:
-            self._change_threshold(self._threshold_changes.popleft()[1])
-        if self._stamp_ns is None:
-            self._first_ns = self._stamp_ns = packet.stamp_ns
-        self._duration_ns = packet.stamp_ns - self._stamp_ns
-        self._stamp_ns = packet.stamp_ns
-        lost = self._count(packet) if len(events) else self._keep_still(packet.stamp_ns)
-        resynchronised = self._resynchronise()
-        if not restarted and not lost and resynchronised is None:
-            return _NOTHING_NOTICED
-        return PacketReport(
-            lost_events=lost, restarted=restarted, resynchronised_pixels=resynchronised
-        )
+        taken = self.references.take(packet)
+        if taken.repeated:
+            return PacketReport(repeated=True)
+        if taken.anew:
+            self._begin()
+        self._duration_ns = taken.duration_ns
+        if len(taken.jumps):
+            ages_ns = np.minimum(-packet.events['t'].astype(np.int64), self._duration_ns)
+            responses = self._response.response(as_seconds(ages_ns))
+            self._state = self._held(self._duration_ns) + taken.jumps @ responses
+        else:
+            self._keep_still()
+        if self._is_blind:
+            self._state = np.zeros(self._controller.order)
+        return self._noticed(taken)
 
-    def _keep_still(self, stamp_ns: int) -> int:
-        """Pass an interval without events; nothing can be missing before it."""
-        self._synchroniser.note_silence(stamp_ns)
+    def _noticed(self, taken: Taken) -> PacketReport:
+        self._refresh()
+        report = PacketReport(
+            lost_events=taken.lost,
+            restarted=taken.anew,
+            resynchronised_pixels=taken.corrected,
+            contradicted_pixels=taken.contradicted,
+        )
+        return _NOTHING_NOTICED if report == _NOTHING_NOTICED else report
+
+    def _keep_still(self) -> None:
+        """Pass an interval without events."""
         ahead = self._ahead
         if (
             ahead is not None
@@ -273,29 +307,9 @@ class EventController:
             self._state = ahead.state
         else:
             self._state = self._held(self._duration_ns)
-        return 0
-
-    def _count(self, packet: EventPacket) -> int:
-        """Pass an interval through its events; return how many are missing before it."""
-        events = packet.events
-        pixels = events['y'].astype(np.intp) * self._problem.scene.width + events['x']
-        polarities, signs = events['polarity'], events['sign']
-        step = self._synchroniser.note(packet.stamp_ns, events['index'], pixels, polarities, signs)
-        if step.order is Order.REPEATED:
-            return self._keep_still(packet.stamp_ns)
-        try:
-            jumps = self._estimator.apply(pixels, polarities, signs)
-        except MessageError:
-            self._synchroniser.give_up()
-            raise
-        ages_ns = np.minimum(-events['t'].astype(np.int64), self._duration_ns)
-        responses = self._response.response(as_seconds(ages_ns))
-        self._state = self._held(self._duration_ns) + jumps @ responses
-        self._deviation = self._mean_deviation()
-        return step.lost
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
-        """Verify the counts by a keyframe, or put them right; one of the future waits its turn.
+        """Take what the sensor tells of itself; see `ReferenceWatch.take_keyframe`.
 
         Parameters
         ----------
@@ -305,51 +319,27 @@ class EventController:
         Raises
         ------
         MessageError
-            If it is of another pixel array.
+            If it does not fit; nothing has changed then.
         """
-        if keyframe.counts.size != self.counts.size:
-            raise MessageError(
-                f'keyframe of {keyframe.counts.size} pixels, the array has {self.counts.size}'
-            )
-        self._synchroniser.offer(keyframe)
-        return PacketReport(resynchronised_pixels=self._resynchronise())
+        taken = self.references.take_keyframe(keyframe)
+        if taken.anew:
+            self._begin()
+        return self._noticed(taken)
 
-    def _resynchronise(self) -> int | None:
-        if self._stamp_ns is None:
-            return None
-        keyframe = self._synchroniser.resolve(self._stamp_ns)
-        if keyframe is None:
-            return None
-        log_base = math.log(self._problem.log_base)
-        require_finite((keyframe.counts * self.event_threshold + keyframe.moved) * log_base)
-        growth = np.exp(keyframe.moved * log_base)
-        bounds = self._problem.bounds
-        corrected = self._estimator.restart(
-            Told(
-                event_threshold=self.event_threshold,
-                counts=keyframe.counts,
-                signs=keyframe.signs,
-                lower=bounds.lower * growth,
-                upper=bounds.upper * growth,
-                age_s=0.0,
-                events=0,
-            )
-        )
-        if corrected is None:
-            return 0
-        self._deviation = self._mean_deviation()
-        return corrected
+    def take_anchor(self, anchor: Anchor) -> PacketReport:
+        """Take an absolute measurement; see `ReferenceWatch.take_anchor`.
 
-    def _latest_threshold(self) -> float:
-        """The last threshold that the sensor announced."""
-        if self._threshold_changes:
-            return self._threshold_changes[-1][1]
-        return self.event_threshold
+        Parameters
+        ----------
+        anchor
+            What was measured.
 
-    def _change_threshold(self, event_threshold: float) -> None:
-        self._estimator.change_threshold(event_threshold)
-        self._synchroniser.start_epoch()
-        self._deviation = self._mean_deviation()
+        Raises
+        ------
+        MessageError
+            If it does not fit; nothing has changed then.
+        """
+        return self._noticed(self.references.take_anchor(anchor))
 
     def _check(self, packet: EventPacket) -> None:
         events = packet.events

@@ -107,6 +107,26 @@ class ReferenceIntervals:
         return self.half_widths <= _UNKNOWN_WIDTH
 
     @property
+    def has_lost(self) -> bool:
+        """Whether events are missing that no keyframe has accounted for."""
+        return self._counted is not None
+
+    @property
+    def unknown_count(self) -> int:
+        """Number of healthy pixels whose reference is not known."""
+        return int(np.count_nonzero(self._healthy & ~self.known))
+
+    @property
+    def log_step(self) -> float:
+        """``h ln b``."""
+        return self._step
+
+    @property
+    def log_thresholds(self) -> float:
+        """``h ln b`` with the uncertainty of the thresholds, the mean of ON and OFF."""
+        return 0.5 * (self._on + self._off)
+
+    @property
     def error_bounds(self) -> FloatArray:
         """``delta_i``, bound of ``|z_i - y_i| / |y_i|``, shape (r,); 1 where nothing is known."""
         known = self.known
@@ -265,6 +285,8 @@ class ReferenceIntervals:
         count
             How many, > 0.
         """
+        if not self._usable.any():
+            return
         # Of one threshold too many or too few to be a number.
         most = LARGEST_LOGARITHM / self._step
         up, down = (math.exp(x * min(count, most)) for x in (self._on, -self._off))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.wire.events import INDEX_MODULUS
 
 # An instant farther back than so many packets or events is out of reach.
 _PACKETS = 1000
@@ -59,8 +60,8 @@ class Counted:
         +1 or -1, shape (E,).
     signs
         Sign of the reference after every event, shape (E,).
-    first_index
-        Running number of the first event; that of the next one where there is none.
+    next_index
+        Running number of the event after its last one; None where there is none.
     lost
         Events that are missing before this packet.
     """
@@ -70,8 +71,15 @@ class Counted:
     pixels: NDArray[np.intp]
     polarities: NDArray[np.int8]
     signs: NDArray[np.int8]
-    first_index: int
+    next_index: int | None
     lost: int
+
+    @property
+    def first_index(self) -> int | None:
+        """Running number of the first event; None where there is none."""
+        if self.next_index is None:
+            return None
+        return (self.next_index - len(self.pixels)) % INDEX_MODULUS
 
 
 class PacketHistory:
@@ -118,6 +126,19 @@ class PacketHistory:
                 break
             later.append(packet)
         return later[::-1]
+
+    def next_index_at(self, stamp_ns: int) -> int | None:
+        """Running number of the event after those up to an instant; None if nobody knows.
+
+        Parameters
+        ----------
+        stamp_ns
+            Stamp of a packet, ns.
+        """
+        for packet in reversed(self._packets):
+            if packet.stamp_ns <= stamp_ns and packet.next_index is not None:
+                return packet.next_index
+        return None
 
     def since(self, stamp_ns: int, *, now_ns: int, latency_ns: int, pixel_count: int) -> Passed:
         """Sum up what has happened since an instant within reach.

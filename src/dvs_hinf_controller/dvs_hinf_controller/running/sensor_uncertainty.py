@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,3 +47,31 @@ class SensorUncertainty:
             if not 0 <= value < (1 if is_relative else math.inf):
                 rule = 'must be >= 0 and < 1' if is_relative else 'must be >= 0 and finite'
                 raise ParameterError(f'{entry.name}_uncertainty', value, rule)
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> SensorUncertainty:
+        """Bounds of a scenario.
+
+        Parameters
+        ----------
+        scenario
+            Checked parameters.
+
+        Raises
+        ------
+        ParameterError
+            If threshold_uncertainty has more than two entries.
+        """
+        given = scenario.uncertainty
+        thresholds = given.threshold_uncertainty or (0.0,)
+        if len(thresholds) > 2:
+            raise ParameterError(
+                'threshold_uncertainty', thresholds, 'must have at most 2 entries, ON and OFF'
+            )
+        return cls(
+            threshold_on=thresholds[0],
+            threshold_off=thresholds[-1],
+            leak=given.leak_uncertainty,
+            anchor=given.anchor_uncertainty,
+            latency=given.latency_uncertainty,
+        )

@@ -28,10 +28,12 @@ from dvs_common.wire.messages import (
 )
 from dvs_common.wire.topics import COMMAND, ESTIMATE, EVENTS, LUMINOSITY, STATE
 from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_records import without_labels
 from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.running.event_controller import EventController
+from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_plant_sim.disturbance import disturbed
 from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.plant import Plant
@@ -95,17 +97,14 @@ def run_sampled(
     moving = disturbed(plant or linear, scenario)
     sees = luminosity or partial(scenario.scene.luminosity, model)
     camera = EventCamera.of_scenario(scenario)
-    controller = EventController(
-        design.problem,
-        design.controller,
-        event_threshold=scenario.sensor.event_threshold,
-        command_limit=scenario.command_limit,
-    )
+    controller = event_controller(design, scenario)
+    frames = AnchorFrames.of_scenario(scenario)
     for sample in range(scenario.sample_count + 1):
         stamp_ns = sample * scenario.sampling_period_ns
         state = moving.state
         image = _publish_sample(run, scenario, state, sees(state), stamp_ns)
         packets = _expose(run, camera, image)
+        _tell(controller, camera, frames, image, is_first=not sample)
         command = _command(run, controller, packets)
         if sample < scenario.sample_count:
             moving.advance(scenario.sampling_period_ns, command)
@@ -143,6 +142,24 @@ def _expose(run: SampledRun, camera: EventCamera, image: bytes) -> list[bytes]:
     packets = [pack_events(without_labels(packet)) for packet in exposure.packets]
     run.messages[EVENTS] += packets
     return packets
+
+
+def _tell(
+    controller: EventController,
+    camera: EventCamera,
+    frames: AnchorFrames | None,
+    image: bytes,
+    *,
+    is_first: bool,
+) -> None:
+    """Keyframe of the start and anchors, which go before the packet of their sample."""
+    if is_first:
+        controller.take_keyframe(camera.keyframe())
+    if frames is not None:
+        frame = parse_luminosity(image)
+        anchor = frames.take(frame.stamp_ns, frame.pixels)
+        if anchor is not None:
+            controller.take_anchor(anchor)
 
 
 def _command(run: SampledRun, controller: EventController, packets: list[bytes]) -> FloatArray:

@@ -1,0 +1,55 @@
+"""The budget that threshold and ignorance share: ``h ln b + max w <= atanh(delta_certified)``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+# Rounding of logarithms.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """What a design allows the estimate's error to be, and what is used of it now.
+
+    Parameters
+    ----------
+    threshold
+        ``h ln b``, with the uncertainty of the thresholds.
+    ignorance
+        ``max w``, half the logarithmic width of the widest interval of a healthy pixel.
+    delta_certified
+        Relative error of the estimate up to which the tolerance is guaranteed.
+    unknown_pixels
+        Healthy pixels of whose reference nothing is known.
+    """
+
+    threshold: float
+    ignorance: float
+    delta_certified: float
+    unknown_pixels: int = 0
+
+    @property
+    def used(self) -> float:
+        """``h ln b + max w``."""
+        return self.threshold + self.ignorance
+
+    @property
+    def allowed(self) -> float:
+        """``atanh(delta_certified)``; infinite from ``delta_certified = 1`` on."""
+        return math.atanh(self.delta_certified) if self.delta_certified < 1 else math.inf
+
+    @property
+    def is_certified(self) -> bool:
+        """Whether the tolerance is guaranteed with what is known now."""
+        return not self.unknown_pixels and self.used <= self.allowed * (1 + _ROUNDING)
+
+    def __str__(self) -> str:
+        """Return the verdict in a few words."""
+        if self.is_certified:
+            return f'certified now: h ln b + max w = {self.used:.4g} <= {self.allowed:.4g}'
+        if self.unknown_pixels:
+            plural = 's' if self.unknown_pixels > 1 else ''
+            return f'not certified: {self.unknown_pixels} pixel{plural} unknown'
+        return f'not certified: h ln b + max w = {self.used:.4g} > {self.allowed:.4g}'
