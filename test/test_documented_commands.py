@@ -83,11 +83,17 @@ def check_motor(folder, output):
 
 
 def check_reactors(folder, output):
-    for name in ('reactor', 'hot_reactor'):
-        result = json.loads((folder / 'out' / name / 'result.json').read_text())
+    results = {
+        name: json.loads((folder / 'out' / name / 'result.json').read_text())
+        for name in ('reactor', 'calm_reactor', 'hot_reactor', 'certified-exact')
+    }
+    for name, result in results.items():
         assert result['regulated'], name
         assert result['h'] <= result['h_star']
         assert result['events'] > 10
+    assert results['certified-exact']['h'] <= results['certified-exact']['h_certified']
+    assert results['calm_reactor']['events'] < 30 < 1000 < results['reactor']['events']
+    assert (folder / 'out/calm_reactor/report.html').is_file()
 
 
 CHECKS = {'docs/hardware.md': check_motor, 'docs/tutorial.md': check_reactors}

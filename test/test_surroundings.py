@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from loop_support import CONFIG, environment, program
 
 FIGURE = """
 import sys
@@ -53,3 +54,22 @@ def test_a_matplotlibrc_of_the_user_is_left_out(tmp_path):
     )
 
     assert figure_drawn(tmp_path / 'other.png', tmp_path) == plain
+
+
+@pytest.mark.parametrize('home', [None, '/proc/no/such/folder'], ids=['no HOME', 'read-only HOME'])
+def test_a_home_without_a_log_folder_is_named_with_the_remedy(home, domain, tmp_path):
+    variables = {
+        k: v for k, v in environment(domain).items() if not k.startswith(('HOME', 'ROS_LO'))
+    }
+    if home:
+        variables['HOME'] = home
+    for command in (
+        [program('event_camera')],
+        [program('closed_loop'), '--params-file', CONFIG / 'mirror_r1.yaml', '--output', tmp_path],
+    ):
+        run = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=60)
+
+        assert run.returncode == 2
+        # rcl and matplotlib may say something of their own before.
+        assert 'set HOME, ROS_HOME or ROS_LOG_DIR' in run.stderr.splitlines()[-1], run.stderr
+        assert 'Traceback' not in run.stderr

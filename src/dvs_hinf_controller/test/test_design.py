@@ -368,6 +368,17 @@ def test_saved_design_runs_as_a_method(params_file: Path, tmp_path: Path) -> Non
     assert design_from_scenario(scenario).method == 'structured'
 
 
+def test_a_design_in_a_folder_is_called_after_its_scenario(
+    params_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ['--params-file', str(params_file), '--method', 'structured']
+    assert main([*arguments, '--output', str(tmp_path / 'new')]) == 0
+    assert (tmp_path / 'new' / f'{params_file.stem}-structured.json').is_file()
+    (tmp_path / 'file').write_text('')
+    assert main([*arguments, '--output', str(tmp_path / 'file' / 'folder')]) == 2
+    assert "can't be made: Not a directory" in capsys.readouterr().err
+
+
 def test_a_comparison_saves_no_design(params_file: Path, tmp_path: Path) -> None:
     output = tmp_path / 'design.json'
     with pytest.raises(SystemExit) as ended:

@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from dvs_simulation.cli import main
+from dvs_simulation.judging.figure import phase_portrait_title
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 
@@ -24,7 +25,8 @@ def params_file(tmp_path, duration=2.0, threshold=0.15):
 def simulate(tmp_path, *options, **parameters):
     file = params_file(tmp_path, **parameters)
     code = main(['simulate', '--params-file', file, '--output', str(tmp_path / 'out'), *options])
-    path = tmp_path / 'out' / 'result.json'
+    kind = 'sampled' if '--sampled' in options else 'exact'
+    path = tmp_path / 'out' / f'mine-{kind}' / 'result.json'
     return code, json.loads(path.read_text()) if path.exists() else None
 
 
@@ -36,7 +38,7 @@ def test_an_exact_run_writes_result_and_figure(tmp_path, capsys):
     assert result['limsup_error'] < result['tolerance']
     assert 0.5 < result['sector_ratio_max'] <= 1
     assert result['h_certified'] < result['h'] < result['h_star']
-    assert (tmp_path / 'out' / 'figure.png').stat().st_size > 20_000
+    assert (tmp_path / 'out' / 'mine-exact' / 'figure.png').stat().st_size > 20_000
     assert 'regulated' in capsys.readouterr().out
 
 
@@ -64,3 +66,15 @@ def test_bad_values_are_named(tmp_path, capsys, option):
 def test_a_plant_of_its_own_is_not_simulated(capsys):
     assert main(['simulate', '--params-file', str(CONFIG / 'pendulum.yaml')]) == 2
     assert 'plant_executable = dvs_plant_sim/pendulum_sim: is not' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('states', 'title'),
+    [
+        (2, 'Phase portrait'),
+        (3, 'Phase portrait (not shown: x3)'),
+        (5, 'Phase portrait (not shown: x3 to x5)'),
+    ],
+)
+def test_a_phase_portrait_names_the_states_that_it_does_not_show(states, title):
+    assert phase_portrait_title(states) == title

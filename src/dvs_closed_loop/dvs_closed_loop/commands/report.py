@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     add_bag_arguments(parser)
     parser.add_argument('--params-file', type=Path, help='scenario (default: that of the bag)')
-    parser.add_argument('--output', type=Path, help='folder to write to (default: beside the bag)')
+    parser.add_argument('--output', type=Path, help='folder of the results (beside the bag)')
 
 
 def run(options: argparse.Namespace) -> int:

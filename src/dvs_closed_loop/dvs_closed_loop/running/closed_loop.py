@@ -148,7 +148,9 @@ def _parser() -> argparse.ArgumentParser:
         '2 if a parameter or argument is wrong.',
     )
     parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
-    parser.add_argument('--output', type=Path, default=Path('out'), help='folder of the results')
+    parser.add_argument(
+        '--output', type=Path, default=Path('out'), help='folder of the results (out)'
+    )
     parser.add_argument('--duration', type=float, help="simulated seconds, instead of the file's")
     parser.add_argument('--namespace', default='', help='namespace of the whole loop')
     parser.add_argument('--mode', help="lockstep or realtime, instead of the file's")

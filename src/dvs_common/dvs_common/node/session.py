@@ -161,6 +161,13 @@ def own_arguments(arguments: Sequence[str]) -> list[str]:
 
 def _refused(arguments: Sequence[str], error: RuntimeError) -> ParameterError:
     message = ' '.join(str(error).split())
+    if 'initialize logging' in message:
+        return ParameterError(
+            'HOME',
+            os.environ.get('HOME', ''),
+            'has no folder for the log that can be written: set HOME, ROS_HOME or ROS_LOG_DIR to '
+            f'one ({message})',
+        )
     if 'Sequence should be of same type' in message:
         message += ' (ROS wants all numbers of a list alike: write 1.0 beside 0.5, not 1)'
     first = list(arguments).index('--ros-args') + 1 if '--ros-args' in arguments else 0

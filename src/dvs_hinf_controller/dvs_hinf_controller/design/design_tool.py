@@ -7,6 +7,7 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -101,8 +102,35 @@ def _run(options: argparse.Namespace) -> None:
         save_bode_figure(designs, options.figure)
         print(f'Bode figure: {options.figure}', file=sys.stderr)
     if options.output:
-        save_design(designs[0], options.output)
-        print(f'design: {options.output}', file=sys.stderr)
+        path = design_path(options.output, options.params_file, designs[0].method)
+        save_design(designs[0], path)
+        print(f'design: {path}', file=sys.stderr)
+
+
+def design_path(output: Path, params_file: str, method: str) -> Path:
+    """File of a design: `output` itself if it ends in .json, else a file in that folder.
+
+    Parameters
+    ----------
+    output
+        What the user named.
+    params_file
+        Scenario, after which a file in the folder is called.
+    method
+        Method that found the design.
+
+    Raises
+    ------
+    ParameterError
+        If the folder can't be made.
+    """
+    if output.suffix == '.json':
+        return output
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError('output', output, f"can't be made: {error.strerror}") from None
+    return output / f'{Path(params_file).stem}-{method}.json'
 
 
 def _compared(scenario: Scenario) -> list[Design]:
@@ -155,7 +183,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--compare', action='store_true', help='all methods side by side')
     parser.add_argument('--json', action='store_true', help='print JSON (--compare: a list)')
-    parser.add_argument('--output', metavar='FILE', help='save the design, for design_file')
+    parser.add_argument(
+        '--output',
+        type=Path,
+        help='save the design for design_file: folder of the results, or the JSON file',
+    )
     parser.add_argument('--figure', metavar='FILE', help='draw the Bode figure (.png, .svg, .pdf)')
     parser.add_argument(
         '--pixels', metavar='HxW', help="a regular pixel array instead of the scenario's"

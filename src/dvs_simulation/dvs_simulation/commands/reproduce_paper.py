@@ -16,7 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser
         Parser of the subcommand.
     """
-    parser.add_argument('--output', type=Path, default=Path('out/paper'), help='directory to fill')
+    parser.add_argument(
+        '--output', type=Path, default=Path('out/paper'), help='folder of the results'
+    )
     parser.add_argument('--no-progress', action='store_true', help='no progress bar')
 
 

@@ -36,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Parser of the subcommand.
     """
     parser.add_argument('--params-file', type=Path, required=True, help='scenario (YAML)')
-    parser.add_argument('--output', type=Path, help='directory to fill (out/<scenario>-exact)')
+    parser.add_argument(
+        '--output', type=Path, default=Path('out'), help='folder of the results (out)'
+    )
     parser.add_argument('--duration', type=float, help='length of the run, s')
     parser.add_argument('--event-threshold', type=float, help="h in place of the scenario's")
     parser.add_argument(
@@ -76,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         )
     name = options.params_file.stem
     kind = 'sampled' if options.sampled else 'exact'
-    output = output_folder(options.output or Path('out') / f'{name}-{kind}')
+    output = output_folder(options.output / f'{name}-{kind}')
     if options.sampled:
         return _run_sampled(scenario, name, output)
     return _run_exact(scenario, name, output)

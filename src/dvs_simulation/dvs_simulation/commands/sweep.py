@@ -34,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'simulated critical h beside h* and h_certified; pixels: long-run error against r',
     )
     parser.add_argument(
-        '--output', type=Path, help='CSV file; a killed sweep goes on there (out/<study>.csv)'
+        '--output',
+        type=Path,
+        default=Path('out'),
+        help='folder of the results (out), or the CSV file; a killed sweep goes on there',
     )
     parser.add_argument(
         '--runs',
@@ -82,7 +85,9 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and value < least:
             raise ParameterError(name, value, f'must be >= {least}')
     study = _study(options)
-    path = options.output or Path('out') / f'{study.name}.csv'
+    path = options.output
+    if path.suffix != '.csv':
+        path = path / f'{study.name}.csv'
     try:
         table = run_study(
             study,

@@ -1,4 +1,4 @@
-"""The picture of an exact run: error, phase portrait, events, estimate over luminosity."""
+"""The picture of an exact run: error, states, events, estimate over luminosity, command."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from dvs_simulation import plotting
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.signals import estimates_at, luminosities
 from dvs_simulation.exact.trajectory import Trajectory
+from dvs_simulation.judging.figure import phase_portrait_title
 from dvs_simulation.judging.measures import error
 
 _MOST_MARKS = 50_000
@@ -30,7 +31,7 @@ def run_figure(loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: st
     title
         Heading.
     """
-    figure, axes = plotting.new_figure(11, 7.6, rows=2, columns=2)
+    figure, axes = plotting.new_figure(11, 11.4, rows=3, columns=2)
     figure.suptitle(title)
     times = run.sample_time
     errors = error(run.states, loop.equilibrium)
@@ -52,7 +53,23 @@ def run_figure(loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: st
     axes[1, 0].yaxis.get_major_locator().set_params(integer=True)
     axes[1, 0].legend(loc='upper right', markerscale=2, frameon=True)
     _draw_estimate(axes[1, 1], loop, run)
+    _draw_command(axes[2, 0], run)
+    _draw_mean_error(axes[2, 1], run)
     return figure
+
+
+def _draw_command(axes: Any, run: Trajectory) -> None:
+    for i, values in enumerate(run.inputs.T):
+        axes.step(run.sample_time, values, where='post', lw=1, label=f'$u_{i + 1}$')
+    axes.set(xlabel='time t [s]', ylabel='command $u_o$ [unit of u]', title='Command')
+    axes.legend(loc='best')
+
+
+def _draw_mean_error(axes: Any, run: Trajectory) -> None:
+    axes.step(run.sample_time, run.drive, where='post', color=plotting.BLUE, lw=1)
+    axes.set(
+        xlabel='time t [s]', ylabel=r'mean of $\bar z_i$ [unit of y]', title="Controller's input"
+    )
 
 
 def _draw_states(axes: Any, loop: ClosedLoop, run: Trajectory, tolerance: float) -> None:
@@ -63,7 +80,11 @@ def _draw_states(axes: Any, loop: ClosedLoop, run: Trajectory, tolerance: float)
     axes.plot(*run.states.T[:2], color=plotting.BLUE, lw=1)
     axes.plot(*run.states[0, :2], 'o', color=plotting.GREEN, ms=6, label=r'start $x_0$')
     plotting.draw_ball(axes, loop.equilibrium.state, tolerance)
-    axes.set(xlabel=r'$x_1$ [unit of x]', ylabel=r'$x_2$ [unit of x]', title='Phase portrait')
+    axes.set(
+        xlabel=r'$x_1$ [unit of x]',
+        ylabel=r'$x_2$ [unit of x]',
+        title=phase_portrait_title(loop.model.state_count),
+    )
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend(loc='best')
 

@@ -1,4 +1,4 @@
-"""The picture of a run: error, phase portrait, events, and the estimate over the luminosity."""
+"""The picture of a run: error, states, events, estimate and its error, command."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
 
 
 def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
-    figure = Figure(figsize=(12, 8), layout='constrained')
-    axes = figure.subplots(2, 2)
-    for panel, draw in zip(axes.flat, _OVERVIEW, strict=True):
+    figure = Figure(figsize=(12, 12), layout='constrained')
+    axes = figure.subplots(3, 2)
+    for panel, draw in zip(axes.flat, PANELS.values(), strict=True):
         draw(panel, trace, scenario, verdict)
     word = 'regulated' if verdict.regulated else 'not regulated'
     figure.suptitle(
@@ -50,6 +50,20 @@ def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
         f'(h* = {verdict.h_star:.4f}), {verdict.events} events'
     )
     return figure
+
+
+def phase_portrait_title(states: int) -> str:
+    """Title that names the states which a plane can't show.
+
+    Parameters
+    ----------
+    states
+        n.
+    """
+    if states <= 2:
+        return 'Phase portrait'
+    hidden = 'x3' if states == 3 else f'x3 to x{states}'
+    return f'Phase portrait (not shown: {hidden})'
 
 
 def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> bytes:
@@ -107,7 +121,11 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
         centre[0] + circle[0], centre[1] + circle[1], '--', color=VERMILION, lw=1, label='eps ball'
     )
     axes.plot(*centre[:2], '+', color=VERMILION, ms=9, label='set-point x_d')
-    axes.set(xlabel='x1 [state units]', ylabel='x2 [state units]', title='Phase portrait')
+    axes.set(
+        xlabel='x1 [state units]',
+        ylabel='x2 [state units]',
+        title=phase_portrait_title(centre.size),
+    )
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend(loc='best', frameon=False)
     axes.grid(alpha=0.3)
@@ -185,12 +203,6 @@ def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict)
 
 Drawer = Callable[[Axes, Trace, Scenario, Verdict], None]
 _CYCLE = (BLUE, VERMILION, GREEN, GREY)
-_OVERVIEW: tuple[Drawer, ...] = (
-    _draw_error,
-    _draw_phase_portrait,
-    _draw_events,
-    _draw_estimate,
-)
 PANELS: dict[str, Drawer] = {
     'Error': _draw_error,
     'Phase portrait': _draw_phase_portrait,

@@ -264,8 +264,10 @@ function drawPhase(plot, span) {
     xr = [mx - unit * plot.inner.w, mx + unit * plot.inner.w];
     yr = [my - unit * plot.inner.h, my + unit * plot.inner.h];
   }
+  const states = planar ? points[0].length - 1 : 1;
+  const hidden = states > 2 ? `; not shown: x3${states > 3 ? ` to x${states}` : ''}` : '';
   plot.axes(xr, yr, planar
-    ? { xLabel: 'x₁ [state units]', yLabel: 'x₂ [state units]' }
+    ? { xLabel: `x₁ [state units]${hidden}`, yLabel: 'x₂ [state units]' }
     : { yLabel: 'x₁ [state units]' });
   const c = plot.context;
   if (target) {
