@@ -224,6 +224,11 @@ TYPED = (
         'sets up, and this is one of the tests',
     ),
     Rule(RUN + r'\.venv/bin/python -m pytest .*', runs()),
+    Rule(
+        r'\.venv/bin/python -m pip install .*',
+        nothing,
+        'test_mujoco_cart_pole.py needs what it installs',
+    ),
     Rule('pip install .*', names_packages, 'test_library.py installs them elsewhere'),
     Rule(r'ros2 run dvs_\w+ .*', goes_with_our_runner, 'ros2 comes with ROS from apt only'),
     Rule('(export ROS_SECURITY|ros2 security ).*', nothing, 'sros2 comes with ROS from apt only'),

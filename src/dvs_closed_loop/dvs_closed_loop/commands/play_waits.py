@@ -1,4 +1,4 @@
-"""What whoever publishes a recording waits for: subscribers, the next instant, the arrival."""
+"""What the replay of a recording waits for: subscribers, the next instant, the arrival."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class RunRecorder:
         self._first_sample_s: float | None = None
         self._last_command_s = 0.0
         self.event_count = 0
-        # A plant that does not wait for us may have begun before we heard it.
+        # A plant that does not wait for us may have begun before we received anything.
         self.plant_waited = True
         self._subscriptions = {
             topic: node.create_subscription(

@@ -39,7 +39,7 @@ class TokenPublisher:
         self._publisher.publish(message)
 
     def look(self) -> None:
-        """Send the last message again if somebody came who can't have it."""
+        """Send the last message again if a subscriber came that can't have it."""
         found = {
             bytes(info.endpoint_gid)
             for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
