@@ -6,6 +6,7 @@ from dvs_common.scenario.reference_bounds import ReferenceBounds as ReferenceBou
 from dvs_common.scenario.scenario import Scenario as Scenario
 from dvs_common.scenario.scenario import load_scenario as load_scenario
 from dvs_common.wire.events import EventPacket as EventPacket
+from dvs_common.wire.events import event_times_ns as event_times_ns
 from dvs_common.wire.events import make_events as make_events
 from dvs_common.wire.events import pack_events as pack_events
 from dvs_common.wire.events import parse_events as parse_events

@@ -17,6 +17,7 @@ from dvs_common.wire.events import (
     LABELLED_EVENT_DTYPE,
     LONGEST_INTERVAL_NS,
     EventPacket,
+    event_times_ns,
     make_events,
     pack_events,
     parse_events,
@@ -195,3 +196,20 @@ def test_corruption_gives_a_message_error_or_a_packet(data):
     except MessageError:
         return
     assert packet.events.dtype in (EVENT_DTYPE, LABELLED_EVENT_DTYPE)
+
+
+def test_event_times_are_absolute_whatever_form_a_packet_has():
+    stamp_ns = 1_700_000_000_000_000_005
+    t = [-LONGEST_INTERVAL_NS, -1, 0]
+    packet = EventPacket(
+        stamp_ns=stamp_ns, events=made([(k, 0, t[k], 1, 1) for k in range(3)], stamp_ns=stamp_ns)
+    )
+    message = pack_events(packet)
+    expected = [stamp_ns + value for value in t]
+
+    for form in (packet, message, deserialize_message(message, PointCloud2)):
+        times = event_times_ns(form)
+        assert times.dtype == np.int64
+        assert times.tolist() == expected
+    with pytest.raises(MessageError, match='not those of an event packet'):
+        event_times_ns(PointCloud2(point_step=16))

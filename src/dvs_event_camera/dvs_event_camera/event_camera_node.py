@@ -31,11 +31,13 @@ from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_packet import pack_event_packet
 from dvs_event_camera.streams.event_records import without_labels
+from dvs_event_camera.streams.frame_map import FrameMap
 from dvs_event_camera.streams.image_source import (
     LuminosityFrame,
     parse_compressed,
     parse_luminosity,
 )
+from dvs_event_camera.streams.pixel_map import PixelMap
 from dvs_event_camera.streams.renderer import EventRenderer
 
 _STALE_S = 2.0
@@ -61,6 +63,10 @@ class EventCameraNode(ManagedNode):
         """Check the parameters and create the topics; see `ManagedNode.configure`."""
         self._scenario = scenario
         EventCamera.of_scenario(scenario)
+        camera = scenario.camera
+        self._map = FrameMap(
+            PixelMap(region=camera.region, binning=camera.binning, masked=camera.masked_pixels)
+        )
         stream = topics.stream_qos()
         self._events = self.advertise_token(PointCloud2, topics.EVENTS, self._events_qos())
         self._labels = (
@@ -140,10 +146,10 @@ class EventCameraNode(ManagedNode):
     # -- frames -----------------------------------------------------------------------------------
 
     def _take_image(self, message: bytes) -> None:
-        self._take(parse_luminosity(message))
+        self._take(self._map.mapped(parse_luminosity(message)))
 
     def _take_compressed(self, message: bytes) -> None:
-        self._take(parse_compressed(message))
+        self._take(self._map.mapped(parse_compressed(message)))
 
     def _take(self, frame: LuminosityFrame) -> None:
         last_ns = self._gate.last_ns

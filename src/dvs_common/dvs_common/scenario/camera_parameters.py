@@ -66,6 +66,28 @@ class CameraParameters(ParameterGroup):
         nodes=(CAMERA,),
         interval=Interval(low=0, high=0.3),
     )
+    region: tuple[int, ...] = parameter(
+        (),
+        'Part of the images that the pixels see: left column, upper row, width and height; empty: '
+        'all',
+        nodes=(CAMERA,),
+        unit='pixels',
+        interval=Interval(low=0, high=65535),
+    )
+    binning: int = parameter(
+        1,
+        'Columns, and rows, of the square of image pixels whose mean luminosity one pixel sees',
+        nodes=(CAMERA,),
+        unit='pixels',
+        interval=Interval(low=1, high=65535),
+    )
+    masked_pixels: tuple[int, ...] = parameter(
+        (),
+        'Image pixels x, y, x, y, ... that nothing is taken from: a pixel that sees only such '
+        'keeps its first luminosity',
+        nodes=(CAMERA,),
+        interval=Interval(low=0, high=65535),
+    )
     compressed_input: bool = parameter(
         False,
         'Take sensor_msgs/CompressedImage on luminosity/compressed instead of luminosity; '

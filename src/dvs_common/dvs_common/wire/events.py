@@ -8,10 +8,12 @@ from __future__ import annotations
 import functools
 import struct
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.wire.cdr import CdrReader, CdrWriter, MessageError
 from dvs_common.wire.stamped import BODY, stamp_of, stamped
 
@@ -69,6 +71,35 @@ class EventPacket:
 
     stamp_ns: int
     events: NDArray[np.void]
+
+
+def event_times_ns(cloud: Any) -> NDArray[np.int64]:
+    """Absolute times of the events of a packet, ns, shape (E,).
+
+    The times in a packet are INT32 before its stamp: added to a stamp without a wider type they
+    overflow.
+
+    Parameters
+    ----------
+    cloud
+        An `EventPacket`, a sensor_msgs/PointCloud2 of `events`, or its CDR bytes.
+
+    Raises
+    ------
+    MessageError
+        If it does not have the layout of the wire contract.
+    """
+    if isinstance(cloud, (bytes, bytearray)):
+        cloud = parse_events(bytes(cloud))
+    if isinstance(cloud, EventPacket):
+        packet: EventPacket = cloud
+        return packet.stamp_ns + packet.events['t'].astype(np.int64)
+    fields = {field.name: (field.offset, field.datatype) for field in cloud.fields}
+    if fields.get('t') != (4, _INT32) or cloud.point_step != EVENT_DTYPE.itemsize:
+        raise MessageError(f'fields {fields} are not those of an event packet')
+    events = np.frombuffer(cloud.data, EVENT_DTYPE)
+    stamp_ns: int = cloud.header.stamp.sec * NANOSECONDS + cloud.header.stamp.nanosec
+    return stamp_ns + events['t'].astype(np.int64)
 
 
 def make_events(
