@@ -35,15 +35,20 @@ class Block:
     not_run: str = ''
 
     @property
+    def lines(self) -> list[str]:
+        """Lines, those that end in a backslash joined with the next."""
+        return re.sub(r'\\\n\s*', '', self.body).splitlines()
+
+    @property
     def commands(self) -> str:
         """What to run of a bash block, without the commands that would recurse."""
-        lines = [line for line in self.body.splitlines() if not RECURSIVE.match(line)]
+        lines = [line for line in self.lines if not RECURSIVE.match(line)]
         return '\n'.join(lines).strip()
 
     @property
     def typed(self) -> list[str]:
         """Commands that a reader types and that are not run with the block as a whole."""
-        lines = self.body.splitlines()
+        lines = self.lines
         if self.language == 'console':
             lines = [line[2:] for line in lines if line.startswith('$ ')]
         elif self.language != 'bash':

@@ -21,7 +21,7 @@ def first_sample():
 
 
 @pytest.mark.parametrize('qos', [VOLATILE, BEST_EFFORT, LATCHED])
-def test_whoever_listens_late_in_lockstep_gets_the_message_that_waits(qos, domain, processes):
+def test_a_late_subscriber_in_lockstep_gets_the_message_that_waits(qos, domain, processes):
     for executable in ('event_camera', 'hinf_controller'):
         processes.append(start(executable, domain, ros_arguments()))
     with operating(domain) as plant:
@@ -42,7 +42,7 @@ def test_whoever_listens_late_in_lockstep_gets_the_message_that_waits(qos, domai
     assert len(set(commands)) == 1
 
 
-def test_nobody_gets_a_message_twice_who_was_there(domain, processes):
+def test_no_subscriber_gets_a_message_twice(domain, processes):
     for executable in ('event_camera', 'hinf_controller'):
         processes.append(start(executable, domain, ros_arguments()))
     with operating(domain) as plant:

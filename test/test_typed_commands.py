@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import yaml
 from ament_index_python.packages import get_package_prefix
 from documentation import blocks_of, named_in_text
 from lifecycle_msgs.msg import Transition
@@ -148,6 +149,14 @@ def names_packages(reader, command):
         assert (ROOT / word.partition('[')[0] / 'setup.py').is_file()
 
 
+def records_topics_of_the_loop(reader, command):
+    words = shlex.split(command)
+    profiles = ROOT / words[words.index('--qos-profile-overrides-path') + 1]
+    names = {f'/{name.lstrip("/")}' for name in vars(topics).values() if isinstance(name, str)}
+    assert {word for word in words if word.startswith('/')} <= names
+    assert set(yaml.safe_load(profiles.read_text())) <= names
+
+
 def nothing(reader, command):
     pass
 
@@ -231,6 +240,8 @@ TYPED = (
     ),
     Rule('pip install .*', names_packages, 'test_library.py installs them elsewhere'),
     Rule(r'ros2 run dvs_\w+ .*', goes_with_our_runner, 'ros2 comes with ROS from apt only'),
+    Rule('ros2 bag record .*', records_topics_of_the_loop, 'ros2 comes with ROS from apt only'),
+    Rule('ros2 bag (play|convert) .*', nothing, 'ros2 comes with ROS from apt only'),
     Rule('(export ROS_SECURITY|ros2 security ).*', nothing, 'sros2 comes with ROS from apt only'),
     Rule('ros2 launch .*', is_launched, 'ros2 comes with ROS from apt only'),
 )

@@ -41,7 +41,7 @@ def test_a_keyframe_comes_back_as_it_was():
     assert_equal(parse_keyframe(pack_keyframe(keyframe(), height=2, width=3)), keyframe())
 
 
-def test_references_that_nobody_knows_travel_without_an_infinity():
+def test_unknown_references_travel_without_an_infinity():
     told = keyframe(lower=np.zeros(PIXELS), upper=np.full(PIXELS, np.inf))
     message = pack_keyframe(told, height=2, width=3)
 

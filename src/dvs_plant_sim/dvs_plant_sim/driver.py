@@ -33,7 +33,7 @@ class SampledPlant(Protocol):
         """Why no command comes, in words."""
 
     def advertise_on_demand(self, message_type: type, topic: str, qos: Any) -> Any:
-        """Publisher that knows whether it has subscribers; see `ManagedNode.advertise_on_demand`."""
+        """Publisher that knows its subscribers; see `ManagedNode.advertise_on_demand`."""
 
     def listen(
         self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: Any

@@ -23,7 +23,7 @@ _LOOK_S = 0.1
 # The middleware asks a reader every 3 s what it misses.
 _FAREWELL_S = 3.5
 _CLOCK_PATIENCE_S = 2.0
-_NO_CLOCK = 'use_sim_time is set, but the time on /clock is still 0: does anybody publish it?'
+_NO_CLOCK = 'use_sim_time is set, but the time on /clock is still 0: does it have a publisher?'
 
 
 class ManagedNode(StreamNode):

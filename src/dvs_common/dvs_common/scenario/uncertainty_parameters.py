@@ -43,7 +43,7 @@ class UncertaintyParameters(ParameterGroup):
     )
     pixel_mask: tuple[int, ...] = parameter(
         (),
-        'Row-major numbers of pixels that the controller does not listen to; those that anchors '
+        'Row-major numbers of pixels that the controller does not use; those that anchors '
         'contradict again and again are masked besides',
         nodes=(CONTROLLER,),
         interval=Interval(low=0, high=2**31 - 1),

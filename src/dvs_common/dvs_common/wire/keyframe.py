@@ -55,9 +55,9 @@ class Keyframe:
     signs
         Sign of every reference, shape (r,), int8.
     lower
-        m: ``|q|`` where counting began was at least this, shape (r,); 0 where nobody knows.
+        m: ``|q|`` where counting began was at least this, shape (r,); 0 where unknown.
     upper
-        M: it was at most this, shape (r,); infinite where nobody knows.
+        M: it was at most this, shape (r,); infinite where unknown.
     """
 
     stamp_ns: int

@@ -7,7 +7,7 @@ from enum import Enum
 from dvs_common.nanoseconds import NANOSECONDS
 
 # So many samples that follow each other prove that the clock has stepped, or so many repetitions
-# of one: a lockstep partner sends the sample again that nobody answers.
+# of one: a lockstep partner sends a sample without an answer again.
 _FOLLOWING = 5
 _REPEATED = 3
 

@@ -128,7 +128,7 @@ class PacketHistory:
         return later[::-1]
 
     def next_index_at(self, stamp_ns: int) -> int | None:
-        """Running number of the event after those up to an instant; None if nobody knows.
+        """Running number of the event after those up to an instant; None if unknown.
 
         Parameters
         ----------

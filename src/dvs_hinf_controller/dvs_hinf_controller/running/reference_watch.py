@@ -98,7 +98,7 @@ class ReferenceWatch:
     uncertainty
         How far the sensor may be from an ideal one.
     masked
-        Pixels that nobody is to listen to.
+        Pixels that are not to be used.
     """
 
     def __init__(
@@ -263,7 +263,7 @@ class ReferenceWatch:
         )
 
     def _step(self, packet: EventPacket) -> Taken:
-        """Begin anew where the clock has stepped: nobody has said what became of the sensor."""
+        """Begin anew where the clock has stepped: what became of the sensor is not known."""
         self._begin_anew(IndexWatch())
         self._forget(packet.stamp_ns)
         self._remember(packet.stamp_ns, lost=0)
@@ -314,7 +314,7 @@ class ReferenceWatch:
         return Taken(jumps=_NO_JUMPS, corrected=self._apply_keyframes(self.gate.last_ns))
 
     def _require_current(self, keyframe: Keyframe) -> None:
-        """Refuse a keyframe of an epoch that is over, unless nothing else is heard any more."""
+        """Refuse a keyframe of an epoch that is over, unless nothing else arrives any more."""
         if keyframe.epoch not in self._past_epochs or not self._verified:
             return
         self._insisted += 1
