@@ -15,7 +15,8 @@ sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_co
 
 import numpy as np  # noqa: E402
 
-from dvs_common.scenario.model import PixelScene, PlantModel, ReferenceBounds  # noqa: E402
+from dvs_common.scenario.model import PixelScene, PlantModel  # noqa: E402
+from dvs_common.scenario.reference_bounds import ReferenceBounds  # noqa: E402
 from dvs_hinf_controller.analysis.mu import mu_bounds  # noqa: E402
 from dvs_hinf_controller.design.design import design_controller  # noqa: E402
 from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
@@ -56,20 +57,20 @@ def cpu_seconds(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - start, result
 
 
-def pixels_ratio() -> dict[str, float]:
+def pixels_ratio(repeats: int) -> dict[str, float]:
     """CPU time of a structured design for 1280 x 720 pixels over that for one, best of some."""
 
     def best(problem: DesignProblem) -> float:
         def work() -> object:
             return design_controller(problem, method='structured')
 
-        return min(cpu_seconds(work)[0] for _ in range(REPEATS))
+        return min(cpu_seconds(work)[0] for _ in range(repeats))
 
     one, many = best(paper_problem(1, 1)), best(paper_problem(720, 1280))
     return {'design_pixels_ratio': many / one, 'design_seconds': one}
 
 
-def versus_dkpy() -> dict[str, float]:
+def versus_dkpy(repeats: int) -> dict[str, float]:
     """CPU time of dkpy's D-K iteration on the reduced problem over ours, and both mu.
 
     dkpy runs with the settings of its own example (three iterations, fits of order 4, 61
@@ -84,7 +85,7 @@ def versus_dkpy() -> dict[str, float]:
     def ours_once() -> tuple[float, Any]:
         return cpu_seconds(lambda: method.synthesize(problem, TIGHT))
 
-    seconds, ours = min((ours_once() for _ in range(REPEATS)), key=lambda pair: pair[0])
+    seconds, ours = min((ours_once() for _ in range(repeats)), key=lambda pair: pair[0])
     p = reduced_plant(model, input_cost=1e-2, process_noise=1e-2)
     n = model.state_count
     # Uncertainty c'x -> w, performance x -> w, with u and noise as regularising performance.
@@ -136,11 +137,18 @@ def versus_dkpy() -> dict[str, float]:
     }
 
 
-def measure() -> dict[str, float]:
-    """Run the benchmark; return its figures by name, those of dkpy only where it is installed."""
-    figures = pixels_ratio()
+def measure(quick: bool = False) -> dict[str, float]:
+    """Run the benchmark; return its figures by name, those of dkpy only where it is installed.
+
+    Parameters
+    ----------
+    quick
+        Once instead of several times.
+    """
+    repeats = 1 if quick else REPEATS
+    figures = pixels_ratio(repeats)
     try:
-        figures |= versus_dkpy()
+        figures |= versus_dkpy(repeats)
     except ImportError as error:
         print(f'{error.name} is not installed: no comparison with dkpy', file=sys.stderr)
     for name, value in figures.items():

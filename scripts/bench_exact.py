@@ -152,8 +152,15 @@ def us_per_event(pixels: int, duration: float, repeats: int) -> tuple[float, int
     return 1e6 * seconds / run.event_count, run.event_count
 
 
-def measure() -> dict[str, float]:
-    """All figures by their key."""
+def measure(quick: bool = False) -> dict[str, float]:
+    """All figures by their key.
+
+    Parameters
+    ----------
+    quick
+        Shorter runs of fewer pixels.
+    """
+    share = 0.1 if quick else 1.0
     figures: dict[str, float] = {}
     simulate(bench_loop(1), duration=0.1)  # compiles
     for key, pixels, method, duration, slow_duration in (
@@ -161,7 +168,7 @@ def measure() -> dict[str, float]:
         ('exact_vs_dop853_r9', 9, 'DOP853', 30.0, 2.0),
         ('exact_vs_rk45_r100', 100, 'RK45', 30.0, 0.3),
     ):
-        result = compare(pixels, method, duration, slow_duration)
+        result = compare(pixels, method, share * duration, share * slow_duration)
         figures[key] = result['slow'] / result['fast']
         print(
             f'{key}: {figures[key]:.0f} x  ({method} {result["slow"]:.3g}, exact '
@@ -169,14 +176,15 @@ def measure() -> dict[str, float]:
             f'{result["difference_s"]:.1e} s)',
             flush=True,
         )
-    figures['exact_us_per_event_r10000'], count = us_per_event(10_000, 3.0, 3)
+    figures['exact_us_per_event_r10000'], count = us_per_event(10_000, 3.0 * share, 3)
     print(
         f'exact_us_per_event_r10000: {figures["exact_us_per_event_r10000"]:.3f} us '
         f'({count} events)',
         flush=True,
     )
-    micro, count = us_per_event(921_600, 0.05, 1)
-    print(f'921600 pixels (1280 x 720): {micro:.3f} us an event ({count} events)', flush=True)
+    if not quick:
+        micro, count = us_per_event(921_600, 0.05, 1)
+        print(f'921600 pixels (1280 x 720): {micro:.3f} us an event ({count} events)', flush=True)
     return figures
 
 

@@ -25,7 +25,9 @@ RING_SECONDS = 4.0
 LOOP_SECONDS = 6.0
 
 
-def _ring_node(number: int, domain: int, matched: Barrier, rates: Queue) -> None:
+def _ring_node(
+    number: int, domain: int, matched: Barrier, rates: Queue[float], seconds: float
+) -> None:
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     import array
 
@@ -54,20 +56,21 @@ def _ring_node(number: int, domain: int, matched: Barrier, rates: Queue) -> None
     if number == 0:
         publisher.publish(message)
     start = time.perf_counter()
-    while (elapsed := time.perf_counter() - start) < RING_SECONDS:
+    while (elapsed := time.perf_counter() - start) < seconds:
         executor.spin_once(timeout_sec=0.1)
     rates.put(count / elapsed)
     executor.shutdown()
     rclpy.try_shutdown()
 
 
-def ring_rate(domain: int) -> float:
+def ring_rate(domain: int, seconds: float) -> float:
     """Cycles per second of the trivial ring."""
     context = multiprocessing.get_context('spawn')
-    rates: Queue = context.Queue()
+    rates: Queue[float] = context.Queue()
     matched = context.Barrier(3)
     nodes = [
-        context.Process(target=_ring_node, args=(i, domain, matched, rates)) for i in range(3)
+        context.Process(target=_ring_node, args=(i, domain, matched, rates, seconds))
+        for i in range(3)
     ]
     for node in nodes:
         node.start()
@@ -77,7 +80,7 @@ def ring_rate(domain: int) -> float:
     return statistics.median(measured)
 
 
-def loop_rate(domain: int) -> float:
+def loop_rate(domain: int, seconds: float) -> float:
     """Cycles per second of the lockstep loop at r = 9."""
     environment = {
         **os.environ,
@@ -85,7 +88,7 @@ def loop_rate(domain: int) -> float:
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
     arguments = ['--ros-args', '--params-file', str(ROOT / 'config' / 'mirror_r9.yaml')]
-    arguments += ['-p', f'duration:={LOOP_SECONDS}']
+    arguments += ['-p', f'duration:={seconds}']
     programs = (
         ('dvs_event_camera', 'event_camera'),
         ('dvs_hinf_controller', 'hinf_controller'),
@@ -114,11 +117,19 @@ def loop_rate(domain: int) -> float:
     return float(found[1])
 
 
-def measure() -> dict[str, float]:
-    """Run the benchmark; return its figures by name."""
+def measure(quick: bool = False) -> dict[str, float]:
+    """Run the benchmark; return its figures by name.
+
+    Parameters
+    ----------
+    quick
+        One short round.
+    """
+    share = 0.1 if quick else 1.0
     ratios = []
-    for turn in range(ROUNDS):
-        ring, loop = ring_rate(30 + 2 * turn), loop_rate(31 + 2 * turn)
+    for turn in range(1 if quick else ROUNDS):
+        ring = ring_rate(30 + 2 * turn, share * RING_SECONDS)
+        loop = loop_rate(31 + 2 * turn, share * LOOP_SECONDS)
         ratios.append(loop / ring)
         print(
             f'  round {turn + 1}: trivial ring {ring:.0f}, lockstep loop {loop:.0f} cycles/s, '

@@ -13,6 +13,7 @@ sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_co
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
+from dvs_common.arrays import FloatArray  # noqa: E402
 from dvs_common.scenario.scenario import load_scenario  # noqa: E402
 from dvs_hinf_controller.design.design import DesignFigures, design_controller  # noqa: E402
 from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
@@ -22,13 +23,13 @@ LIMITS = np.geomspace(20, 500, 10)
 COLOURS = {'unstructured': '#0072B2', 'structured': '#D55E00', 'certified': '#009E73'}
 
 
-def sweep(problem: DesignProblem, method: str) -> list[DesignFigures]:
+def sweep(problem: DesignProblem, method: str, limits: FloatArray) -> list[DesignFigures]:
     """Figures of `method` at every bandwidth limit."""
     return [
         design_controller(
             problem, method=method, options=DesignOptions(bandwidth_limit=float(limit))
         ).figures
-        for limit in LIMITS
+        for limit in limits
     ]
 
 
@@ -37,23 +38,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     default = root / 'docs' / 'figures' / 'bandwidth_trade.png'
     parser.add_argument('--output', type=Path, default=default, help='image file')
-    output = parser.parse_args().output
+    parser.add_argument('--quick', action='store_true', help='a few limits, to see it work')
+    options = parser.parse_args()
+    limits = LIMITS[:: len(LIMITS) - 1] if options.quick else LIMITS
     problem = DesignProblem.from_scenario(load_scenario(root / 'config' / 'mirror_r1.yaml'))
     figure = Figure(figsize=(8, 7), layout='constrained')
     thresholds, periods = figure.subplots(2, 1, sharex=True)
     for method, colour in COLOURS.items():
-        figures = sweep(problem, method)
+        figures = sweep(problem, method, limits)
         thresholds.semilogx(
-            LIMITS,
+            limits,
             [f.h_certified for f in figures],
             'o-',
             color=colour,
             label=f'{method}: h certified',
         )
         thresholds.semilogx(
-            LIMITS, [f.h_star for f in figures], '--', color=colour, label=f'{method}: h*'
+            limits, [f.h_star for f in figures], '--', color=colour, label=f'{method}: h*'
         )
-        periods.loglog(LIMITS, [1e3 * f.max_sampling_period for f in figures], 'o-', color=colour)
+        periods.loglog(limits, [1e3 * f.max_sampling_period for f in figures], 'o-', color=colour)
     thresholds.set(
         ylabel='event threshold [log_b units]',
         ylim=(0, 0.25),
@@ -63,8 +66,8 @@ def main() -> None:
     periods.set(xlabel='bandwidth_limit [rad/s]', ylabel='longest sampling period [ms]')
     for axes in (thresholds, periods):
         axes.grid(alpha=0.3, which='both')
-    output.parent.mkdir(exist_ok=True)
-    figure.savefig(output)
+    options.output.parent.mkdir(exist_ok=True)
+    figure.savefig(options.output)
 
 
 if __name__ == '__main__':

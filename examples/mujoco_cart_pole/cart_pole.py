@@ -6,10 +6,14 @@ camera at the tip looks along the pole at a ceiling whose brightness grows along
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+
+from dvs_common.arrays import FloatArray
 
 MODEL = Path(__file__).with_name('cart_pole.xml')
 # Height of the ceiling over the pivot, m; brightness over the origin, and its slope, 1/m.
@@ -21,22 +25,22 @@ PIXELS = np.array([-0.005, 0.0, 0.005])
 class CartPole:
     """The plant as the suite wants it: a state, and a way to advance it."""
 
-    def __init__(self, initial_state):
+    def __init__(self, initial_state: FloatArray) -> None:
         self._model = mujoco.MjModel.from_xml_path(str(MODEL))
         self._data = mujoco.MjData(self._model)
         self._step_ns = round(self._model.opt.timestep * 1e9)
         self.state = np.array(initial_state, dtype=float)
 
     @property
-    def state(self):
+    def state(self) -> FloatArray:
         """Positions and rates, shape (4,)."""
         return np.concatenate([self._data.qpos, self._data.qvel])
 
     @state.setter
-    def state(self, state):
+    def state(self, state: FloatArray) -> None:
         self._data.qpos[:], self._data.qvel[:] = np.split(state, 2)
 
-    def advance(self, duration_ns, command):
+    def advance(self, duration_ns: int, command: FloatArray) -> None:
         """Move on in MuJoCo's steps; the last one takes what is left."""
         self._data.ctrl[:] = command
         steps, rest_ns = divmod(duration_ns, self._step_ns)
@@ -46,26 +50,26 @@ class CartPole:
             mujoco.mj_step(self._model, self._data)
             self._model.opt.timestep = self._step_ns * 1e-9
 
-    def rates(self, state, command):
+    def rates(self, state: FloatArray, command: FloatArray) -> FloatArray:
         """xdot of a state and a force."""
         self.state, self._data.ctrl[:] = state, command
         mujoco.mj_forward(self._model, self._data)
         return np.concatenate([self._data.qvel, self._data.qacc])
 
 
-def luminosity(state):
+def luminosity(state: FloatArray) -> FloatArray:
     """Brightness of the ceiling where each pixel looks, shape (r,)."""
     position, angle = state[:2]
     tip = position + np.sin(angle)
     above = CEILING - np.cos(angle)
-    return BRIGHTNESS + SLOPE * (tip + above * np.tan(angle + PIXELS))
+    return np.asarray(BRIGHTNESS + SLOPE * (tip + above * np.tan(angle + PIXELS)))
 
 
-def linearisation(step=1e-6):
+def linearisation(step: float = 1e-6) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """A, B, c and the pixels' displacements at the upright rest, by central differences."""
     plant = CartPole(np.zeros(4))
 
-    def gradient(function, size):
+    def gradient(function: Callable[[FloatArray], FloatArray], size: int) -> FloatArray:
         steps = step * np.eye(size)
         return np.column_stack([(function(d) - function(-d)) / (2 * step) for d in steps])
 
@@ -77,7 +81,7 @@ def linearisation(step=1e-6):
     return dynamics[:, :4], dynamics[:, 4:], optics[PIXELS.size // 2], offsets
 
 
-def scenario_values():
+def scenario_values() -> dict[str, Sequence[Any]]:
     """Parameters that the model decides, by name, as `Scenario` and a parameter file have them."""
     a, b, c, offsets = linearisation()
     arrays = {
