@@ -17,6 +17,7 @@ from loop_support import (
     stop,
     wait_for,
 )
+from mcap.reader import make_reader
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
@@ -184,6 +185,32 @@ def test_a_publisher_that_appears_without_latching_is_recorded(domain, tmp_path)
         assert driver.spin_until(lambda: publisher.get_subscription_count() == 1)
         publisher.publish(stream.message_type())
         assert tool.spin_until(lambda: recorder.counts[stream.topic] == 1)
+
+
+def test_streams_on_demand_are_recorded_by_name(domain, processes, tmp_path):
+    named = [topics.EVENTS_LABEL, topics.EVENTS_PACKET, topics.POLARITY, topics.EVENT_IMAGE]
+    bag = tmp_path / 'bag'
+    with listening(domain) as driver:
+        recorder = start('dvs_closed_loop', domain, ['record', str(bag), '--topics', *named])
+        processes.append(recorder)
+        publishers = {
+            name: driver.node.create_publisher(
+                STREAMS[name].message_type, name, STREAMS[name].offered_qos
+            )
+            for name in named
+        }
+        assert driver.spin_until(
+            lambda: all(p.get_subscription_count() for p in publishers.values())
+        )
+        for name in named:
+            publishers[name].publish(b'\x00\x01\x00\x00' + bytes(64))
+        lines_until(recorder, [f'receives {name}' for name in named])
+        code, output = stop(recorder)
+
+    assert code == 0, output
+    with (bag / 'bag.mcap').open('rb') as file:
+        found = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+    assert found == {f'/{name}' for name in named}
 
 
 def test_play_ends_on_ctrl_c(domain, processes, tmp_path):

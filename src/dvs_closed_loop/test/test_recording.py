@@ -5,8 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from recording_cases import TYPES, packet, small_run
 from rosbags.rosbag2 import Reader
 
@@ -19,17 +22,24 @@ from dvs_common.wire import topics
 MESSAGE = packet(0, 40, 0)
 
 
+def noise(seed):
+    """A message that no compression makes smaller."""
+    return np.random.default_rng(seed).bytes(len(MESSAGE))
+
+
 def fill(path, storage, most=40_000):
     """Write until the disk is full; return the number of messages that were accepted."""
     with BagWriter(path, TYPES, storage=storage) as bag:
         for k in range(most):
-            bag.write(topics.EVENTS, 1000 + k, MESSAGE)
+            bag.write(topics.EVENTS, 1000 + k, noise(k))
     raise AssertionError('the disk was never full')
 
 
 def assert_is_a_beginning(path, least):
     with Reader(path) as reader:
-        times = [time for _, time, data in reader.messages() if bytes(data) == MESSAGE]
+        found = [(time, bytes(data)) for _, time, data in reader.messages()]
+        times = [time for time, _ in found]
+        assert [data for _, data in found] == [noise(k) for k in range(len(found))]
         assert times == list(range(1000, 1000 + len(times)))
         assert len(times) == reader.message_count
     assert len(times) >= least
@@ -130,3 +140,69 @@ def test_a_disk_that_is_full_already_is_said_at_the_start(tiny_disk):
 
     with pytest.raises(ParameterError, match='No space left'):
         BagWriter(tiny_disk / 'bag', TYPES)
+
+
+def test_chunks_are_compressed_and_carry_checksums_and_the_time_of_publication(tmp_path):
+    with BagWriter(tmp_path / 'bag', TYPES) as bag:
+        for k in range(2000):
+            bag.write(topics.EVENTS, 1000 + k, MESSAGE, published_ns=500 + k)
+        bag.write(topics.EVENTS, 5000, MESSAGE)
+
+    assert bag.size_bytes < 0.1 * 2000 * len(MESSAGE)
+    with (tmp_path / 'bag' / 'bag.mcap').open('rb') as file:
+        records = StreamReader(file, emit_chunks=True).records
+        chunks = [record for record in records if isinstance(record, Chunk)]
+        file.seek(0)
+        times = [
+            (message.log_time, message.publish_time)
+            for _, _, message in make_reader(file, validate_crcs=True).iter_messages()
+        ]
+    assert {chunk.compression for chunk in chunks} == {'zstd'}
+    assert all(chunk.uncompressed_crc for chunk in chunks)
+    assert times == [*((1000 + k, 500 + k) for k in range(2000)), (5000, 5000)]
+
+
+def test_every_stream_of_the_contract_has_a_definition(tmp_path):
+    with BagWriter(tmp_path / 'bag', TYPES, storage='sqlite3') as bag:
+        bag.write(topics.EVENTS_LABEL, 1, MESSAGE)
+        bag.write(topics.EVENTS_PACKET, 2, MESSAGE)
+
+    with Reader(tmp_path / 'bag') as reader:
+        kinds = {connection.topic: connection.msgdef.data for connection in reader.connections}
+    assert set(kinds) == {'/' + topic.lstrip('/') for topic in TYPES}
+    assert [topic for topic, text in kinds.items() if not text] == ['/keyframe_request']
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from test_recording import MESSAGE, TYPES, topics
+from dvs_closed_loop.bags.recording import BagWriter
+bag = BagWriter(Path(sys.argv[1]), TYPES, storage=sys.argv[2])
+for k in range(100_000):
+    bag.write(topics.EVENTS, 1000 + k, MESSAGE)
+    print(k, time.monotonic(), flush=True)
+    time.sleep(0.02)
+"""
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_a_recorder_that_is_killed_leaves_all_but_the_last_second(storage, tmp_path):
+    with subprocess.Popen(
+        [sys.executable, '-c', KILLED, str(tmp_path / 'bag'), storage],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        written = [process.stdout.readline().split() for _ in range(120)]
+        process.kill()
+        written += [line.split() for line in process.stdout]
+    last_s = float(written[-1][1])
+
+    (file,) = (path for path in (tmp_path / 'bag').iterdir() if path.suffix in ('.mcap', '.db3'))
+    found = read_bag(file)
+
+    times = [message.received_ns for message in found.messages]
+    assert times == list(range(1000, 1000 + len(times)))
+    safe = [k for k, at_s in written if float(at_s) < last_s - 1.5]
+    assert len(times) >= len(safe) > 0

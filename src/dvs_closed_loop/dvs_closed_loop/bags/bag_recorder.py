@@ -89,6 +89,13 @@ class BagRecorder:
             event_callbacks=_NO_EVENTS,
         )
 
+    def keep_up(self) -> None:
+        """Write what has waited where no other message comes."""
+        try:
+            self._bag.keep_up()
+        except BagFullError as error:
+            self.failure = error
+
     def _keeper(self, stream: Stream) -> Callable[[bytes], None]:
         name = self._node.resolve_topic_name(stream.topic)
 

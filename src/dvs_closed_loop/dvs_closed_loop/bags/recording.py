@@ -1,4 +1,4 @@
-"""A rosbag2 written without rosbag2: raw CDR messages to MCAP or SQLite by the package rosbags.
+"""A rosbag2 written without rosbag2: raw CDR messages to MCAP or SQLite.
 
 A full disk ends a recording with an error and a readable bag: see `bag_storage`, and the reserve
 that a `BagWriter` holds on the disk for the end of the bag.
@@ -9,47 +9,38 @@ from __future__ import annotations
 import errno
 import json
 import os
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
-from rosbags.typesys import Stores, get_typestore
-
-from dvs_closed_loop.bags.bag_storage import BatchedMcap, BatchedSqlite
+from dvs_closed_loop.bags.bag_metadata import BagTopic, metadata_text
+from dvs_closed_loop.bags.bag_storage import McapStorage, SqliteStorage, Storage
 from dvs_closed_loop.bags.streams import STREAMS, base_name
 from dvs_common.errors import ParameterError, SuiteError
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.writing import write_text
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
-STORAGES = ('mcap', 'sqlite3')
+_KINDS: Mapping[str, type[McapStorage | SqliteStorage]] = {
+    'mcap': McapStorage,
+    'sqlite3': SqliteStorage,
+}
+STORAGES = tuple(_KINDS)
 # Keys of the bag's custom data.
 NAME_KEY = 'dvs_scenario'
 PARAMETERS_KEY = 'dvs_parameters'
 _RESERVE_BYTES = 2**21
+# The longest that a message waits to be written.
+_FLUSH_PERIOD_S = 1.0
 
 
 class BagFullError(SuiteError):
     """A bag that can't grow any more; what was recorded before is kept."""
-
-
-class _Writer(Writer):
-    STORAGE_PLUGINS = {  # noqa: RUF012
-        StoragePlugin.SQLITE3: BatchedSqlite,
-        StoragePlugin.MCAP: BatchedMcap,
-    }
 
 
 class BagWriter:
@@ -72,28 +63,25 @@ class BagWriter:
     """
 
     def __init__(self, path: Path, topics: Mapping[str, str], *, storage: str = 'mcap') -> None:
-        plugin = StoragePlugin.MCAP if storage == 'mcap' else StoragePlugin.SQLITE3
         self.path = path
+        self._kind = storage
         self._reserve = path / '.reserve'
         self._closed = False
-        typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._custom: dict[str, str] = {}
+        self._numbers = {topic: number for number, topic in enumerate(topics)}
+        self._topics = [
+            BagTopic.of('/' + topic.lstrip('/'), type_name, _offered_qos(topic))
+            for topic, type_name in topics.items()
+        ]
         try:
-            self._writer = _Writer(path, version=9, storage_plugin=plugin)
-            self._writer.open()
+            path.mkdir(parents=True)
+            self._storage: Storage = _KINDS[storage](path, self._topics)
             _allocate(self._reserve)
-        except WriterError:
+        except FileExistsError:
             raise ParameterError('bag', path, 'exists already and is not overwritten') from None
         except OSError as error:
             raise ParameterError('bag', path, f"can't be written: {error.strerror}") from None
-        self._connections = {
-            topic: self._writer.add_connection(
-                '/' + topic.lstrip('/'),
-                message_type,
-                typestore=typestore,
-                offered_qos_profiles=_offered_qos(topic),
-            )
-            for topic, message_type in topics.items()
-        }
+        self._flushed_s = time.monotonic()
 
     @property
     def size_bytes(self) -> int:
@@ -111,10 +99,11 @@ class BagWriter:
         name
             Name of the scenario.
         """
-        self._writer.set_custom_data(NAME_KEY, name)
-        self._writer.set_custom_data(PARAMETERS_KEY, json.dumps(dict(scenario.values)))
+        self._custom = {NAME_KEY: name, PARAMETERS_KEY: json.dumps(dict(scenario.values))}
 
-    def write(self, topic: str, received_ns: int, message: bytes) -> None:
+    def write(
+        self, topic: str, received_ns: int, message: bytes, *, published_ns: int | None = None
+    ) -> None:
         """Append one message.
 
         Parameters
@@ -125,6 +114,8 @@ class BagWriter:
             Time of reception, ns.
         message
             CDR bytes.
+        published_ns
+            Time of publication, ns; that of reception if it is not known.
 
         Raises
         ------
@@ -133,18 +124,36 @@ class BagWriter:
         """
         if self._closed:
             return
-        connection = self._connections[topic]
+        published = received_ns if published_ns is None else published_ns
         try:
-            self._writer.write(connection, received_ns, message)
+            self._storage.write(self._numbers[topic], received_ns, published, message)
         except OSError as error:
-            # The message is in the pending batch, but rosbags has not counted it.
-            self._writer.counts[connection.id] += 1
-            self._writer.max_timestamp = max(self._writer.max_timestamp, received_ns)
-            self.close()
-            raise BagFullError(
-                f"the recording ends: {self.path} can't grow ({error.strerror or error}); "
-                'what was recorded before is kept'
-            ) from None
+            self._give_up(error)
+        self.keep_up()
+
+    def keep_up(self) -> None:
+        """Write what has waited for a second; to be called when no message comes.
+
+        Raises
+        ------
+        BagFullError
+            If it can't be written; the bag is closed and readable then.
+        """
+        now = time.monotonic()
+        if self._closed or now - self._flushed_s < _FLUSH_PERIOD_S:
+            return
+        self._flushed_s = now
+        try:
+            self._storage.flush()
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        self.close()
+        raise BagFullError(
+            f"the recording ends: {self.path} can't grow ({error.strerror or error}); "
+            'what was recorded before is kept'
+        ) from None
 
     def close(self) -> None:
         """Finish the bag; messages that do not fit any more are given up."""
@@ -152,19 +161,17 @@ class BagWriter:
             return
         self._closed = True
         self._reserve.unlink(missing_ok=True)
-        storage = self._writer.storage
-        assert isinstance(storage, BatchedMcap | BatchedSqlite)
-        while True:
-            try:
-                storage.flush()
-                break
-            except OSError:
-                counts = storage.give_up_batch()
-                if not counts:
-                    break
-                for connection, count in counts.items():
-                    self._writer.counts[connection] -= count
-        self._writer.close()
+        with suppress(OSError):
+            self._storage.flush()
+        metadata = metadata_text(
+            storage=self._kind,
+            file_name=self._storage.path.name,
+            topics=self._topics,
+            content=self._storage.tally.content,
+            custom=self._custom,
+        )
+        self._storage.finish(metadata)
+        write_text(self.path / 'metadata.yaml', metadata)
 
     def __enter__(self) -> BagWriter:
         """Return itself."""
@@ -193,23 +200,6 @@ def _allocate(path: Path) -> None:
                 file.truncate(0)
 
 
-def _offered_qos(topic: str) -> list[Qos]:
+def _offered_qos(topic: str) -> QoSProfile | None:
     stream = STREAMS.get(topic) or STREAMS.get(base_name(topic))
-    return [_recorded_qos(stream.offered_qos)] if stream else []
-
-
-def _recorded_qos(qos: QoSProfile) -> Qos:
-    infinite = QosTime(9223372036, 854775807)
-    latched = qos.durability.name == 'TRANSIENT_LOCAL'
-    reliable = qos.reliability.name == 'RELIABLE'
-    return Qos(
-        history=QosHistory.KEEP_LAST,
-        depth=qos.depth,
-        reliability=QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
-        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        deadline=infinite,
-        lifespan=infinite,
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=infinite,
-        avoid_ros_namespace_conventions=False,
-    )
+    return stream.offered_qos if stream else None

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
+from dvs_event_camera.streams.event_packet import MESSAGE_TYPE as EVENT_PACKET
+from dvs_event_camera.tools.packet_type import event_packet_type
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -26,7 +28,8 @@ class Stream:
     latched
         Whether its last messages wait for a late subscriber, in lockstep at least.
     on_demand
-        Whether it is published only while it has a subscriber, and is made from other streams.
+        Whether it is published only while it has a subscriber, or with `label_noise`, and is made
+    from other streams.
     """
 
     topic: str
@@ -37,6 +40,8 @@ class Stream:
     @property
     def message_type(self) -> type:
         """Generated message class."""
+        if self.type_name == EVENT_PACKET:
+            return event_packet_type()
         package, _, name = self.type_name.split('/')
         found: type = getattr(import_module(f'{package}.msg'), name)
         return found
@@ -64,6 +69,8 @@ STREAMS = {
         Stream(topic=topics.ANCHOR, type_name='sensor_msgs/msg/Image'),
         Stream(topic=topics.CLOCK, type_name='rosgraph_msgs/msg/Clock'),
         Stream(topic=topics.DIAGNOSTICS, type_name='diagnostic_msgs/msg/DiagnosticArray'),
+        Stream(topic=topics.EVENTS_LABEL, type_name='sensor_msgs/msg/PointCloud2', on_demand=True),
+        Stream(topic=topics.EVENTS_PACKET, type_name=EVENT_PACKET, on_demand=True),
         Stream(topic=topics.POLARITY, type_name='std_msgs/msg/Int16MultiArray', on_demand=True),
         Stream(topic=topics.EVENT_IMAGE, type_name='sensor_msgs/msg/Image', on_demand=True),
     )

@@ -94,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
                         parameters.ask()
                         next_question = time.monotonic() + _ASK_PERIOD_S
                     tool.spin(_TURN_S)
+                    recorder.keep_up()
                     progress.update(elapsed)
             found = scenario or parameters.scenario
             if found is not None and recorder.failure is None:

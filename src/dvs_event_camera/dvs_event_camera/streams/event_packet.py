@@ -16,6 +16,11 @@ from dvs_common.wire.cdr import CdrReader, CdrWriter
 from dvs_common.wire.events import FRAME_ID, EventPacket
 
 MESSAGE_TYPE = 'event_camera_msgs/msg/EventPacket'
+# Text of the message definition, for bags.
+DEFINITION = (
+    'std_msgs/Header header\nuint32 height\nuint32 width\nuint64 seq\nuint64 time_base\n'
+    'string encoding\nbool is_bigendian\nuint8[] events\n'
+)
 _ENCODING = 'mono'
 
 
