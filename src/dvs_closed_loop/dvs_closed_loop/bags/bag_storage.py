@@ -86,13 +86,31 @@ class Storage(Protocol):
     tally: Tally
 
     def write(self, topic: int, received_ns: int, published_ns: int, message: bytes) -> None:
-        """Append one message to the batch; write the batch if it is large enough."""
+        """Append one message to the batch; write the batch if it is large enough.
+
+        Parameters
+        ----------
+        topic
+            Number of the topic.
+        received_ns
+            Time of reception, ns.
+        published_ns
+            Time of publication, ns.
+        message
+            CDR bytes.
+        """
 
     def flush(self) -> None:
         """Write the batch; OSError if there is no room, and then nothing of it is in the file."""
 
     def finish(self, metadata: str) -> None:
-        """Write the batch and the end of the file, as far as they fit, and close it."""
+        """Write the batch and the end of the file, as far as they fit, and close it.
+
+        Parameters
+        ----------
+        metadata
+            Text of the bag's metadata.
+        """
 
 
 class McapStorage:
