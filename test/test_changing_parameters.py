@@ -7,7 +7,6 @@ from rcl_interfaces.msg import Parameter
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import parameter_value_to_python
 from sensor_msgs.msg import Image, JointState
-from std_msgs.msg import Float64MultiArray
 from test_health import latest, values
 
 from dvs_common.scenario.parameters import SCHEMA
@@ -110,7 +109,7 @@ def test_a_new_threshold_keeps_the_estimate_in_its_sector(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
         luminosities = operator.hear(Image, 'luminosity', 100)
-        estimates = operator.hear(Float64MultiArray, 'estimate', 100)
+        estimates = operator.hear(JointState, 'estimate', 100)
         settle(operator, luminosities, 800)
         refused = operator.set_parameters('hinf_controller', event_threshold=0.1)
         assert not refused.successful
@@ -126,7 +125,7 @@ def test_a_new_threshold_keeps_the_estimate_in_its_sector(domain, processes):
             ).error_bound
             # Samples and estimates share no stamp, so a whole limit cycle of each is compared.
             y = np.array([np.frombuffer(image.data) for image in luminosities[-600:]])
-            z = np.array([estimate.data for estimate in estimates[-600:]])
+            z = np.array([estimate.position for estimate in estimates[-600:]])
             assert np.all(z.max(0) <= (1 + bound) * y.max(0))
             assert np.all(z.min(0) >= (1 - bound) * y.min(0))
     for process in processes:

@@ -8,7 +8,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from loop_support import CONFIG, operating, ros_arguments, start, stop
 from sensor_msgs.msg import Image, JointState, PointCloud2
-from std_msgs.msg import Empty, Float64MultiArray
+from std_msgs.msg import Empty
 from test_health import latest, reaches
 
 from dvs_common.scenario.scenario import load_scenario
@@ -54,7 +54,7 @@ def test_a_gap_is_noticed_asked_about_and_put_right(domain, processes):
     controller = start('hinf_controller', domain, ros_arguments({'event_threshold': H}))
     processes.append(controller)
     with operating(domain) as operator:
-        estimates = operator.hear(Float64MultiArray, 'estimate', 100)
+        estimates = operator.hear(JointState, 'estimate', 100)
         requests = operator.hear(Empty, 'keyframe_request', 100)
         messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
         events = operator.node.create_publisher(
@@ -91,7 +91,7 @@ def test_a_gap_is_noticed_asked_about_and_put_right(domain, processes):
         send(packet(0, [], [], 0))
         keyframe(0, [0, 0, 0])
         send(packet(1_000_000, [0, 1], [1, -1], 0))
-        assert np.allclose(estimates[-1].data, expected_estimate([1, -1, 0]), rtol=1e-14)
+        assert np.allclose(estimates[-1].position, expected_estimate([1, -1, 0]), rtol=1e-14)
 
         # Three events, numbers 2 to 4, never arrive.
         requests.clear()
@@ -103,7 +103,7 @@ def test_a_gap_is_noticed_asked_about_and_put_right(domain, processes):
         assert reaches(operator, messages, 'hinf_controller', DiagnosticStatus.OK)
         send(packet(5_000_000, [], [], 7))
 
-        assert np.array_equal(estimates[-1].data, expected_estimate([5, -1, 1]))
+        assert np.array_equal(estimates[-1].position, expected_estimate([5, -1, 1]))
         figures = {v.key: v.value for v in latest(messages, 'hinf_controller').values}
         assert figures['events lost'] == '3'
         assert figures['resynchronisations'] == '1'
@@ -218,7 +218,7 @@ def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, p
     with operating(domain) as operator:
         messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
         states = operator.hear(JointState, 'state', 100)
-        estimates = operator.hear(Float64MultiArray, 'estimate', 100)
+        estimates = operator.hear(JointState, 'estimate', 100)
         keyframes = []
         operator.node.create_subscription(
             PointCloud2, 'keyframe', keyframes.append, topics.latched_qos(depth=1), raw=True
@@ -244,7 +244,7 @@ def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, p
         keyframes.clear()
         asking.publish(Empty())
         assert operator.spin_until(lambda: keyframes)
-        assert np.array_equal(estimates[-1].data, estimate_of(keyframes[-1], 0.08))
+        assert np.array_equal(estimates[-1].position, estimate_of(keyframes[-1], 0.08))
         plant.send_signal(signal.SIGCONT)
     for process in processes:
         code, output = stop(process)

@@ -13,7 +13,7 @@ from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.events import EventPacket, make_events, pack_events
-from dvs_common.wire.messages import Vector, pack_array, pack_command, pack_image, pack_state
+from dvs_common.wire.messages import Vector, pack_command, pack_estimate, pack_image, pack_state
 
 Recorded = list[tuple[str, int, bytes]]
 
@@ -55,7 +55,7 @@ def small_run(samples: int = 60) -> Recorded:
             ),
             (topics.LUMINOSITY, received + 1000, pack_image(stamp, y.reshape(1, 3), '64FC1')),
             (topics.EVENTS, received + 2000, packet(stamp, k % 2, k // 2)),
-            (topics.ESTIMATE, received + 3000, pack_array(y * 1.01)),
+            (topics.ESTIMATE, received + 3000, pack_estimate(stamp, y * 1.01)),
             (
                 topics.COMMAND,
                 received + 3100,

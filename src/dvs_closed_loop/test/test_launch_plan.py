@@ -123,13 +123,14 @@ def test_a_bad_argument_is_named(arguments, message):
         launch_plan(arguments)
 
 
-def test_a_recording_takes_the_loops_own_topics():
-    command = record_command('bag', 'left')
-    assert command[:7] == ('ros2', 'bag', 'record', '--storage', 'mcap', '--output', 'bag')
+def test_a_recording_takes_the_loops_own_topics(tmp_path):
+    folder = str(tmp_path / 'bag')
+    command = record_command(folder, 'left')
+    assert command[:7] == ('ros2', 'bag', 'record', '--storage', 'mcap', '--output', folder)
     assert {'/left/events', '/left/command', '/left/clock', '/diagnostics'} < set(command)
     assert {f'/left/{topic}' for topic in RECORDED if topic[0] != '/'} < set(command)
     assert '/clock' not in command
-    assert '/clock' in record_command('bag', '')
+    assert '/clock' in record_command(folder, '')
 
 
 def qos_of(command):

@@ -15,8 +15,8 @@ LAYOUTS = Path(__file__).parents[1] / 'layouts'
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 BY_NAME = {'/' + name.lstrip('/'): stream for name, stream in STREAMS.items()}
 # PlotJuggler names what is in a JointState by the joint: topic/joint/part.
-JOINT = re.compile(r'(/\w+)/([xu][1-9])/(position|effort)')
-PART_OF = {'/state': 'position', '/command': 'effort'}
+JOINT = re.compile(r'(/\w+)/([xuz][1-9])/(position|effort)')
+PART_OF = {'/state': 'position', '/command': 'effort', '/estimate': 'position'}
 
 
 def assert_field(topic, path):
@@ -40,7 +40,7 @@ def test_plotjuggler():
     names += [c.get('name') for c in root.iter('curve') if c.get('curve_x') is None]
     # The plugin reads the topics from one attribute (parser_configuration.cpp).
     selected = set(root.find('.//selected_topics').get('value').split(';'))
-    # Stamps of lockstep begin at 0 and estimates have none: the time of arrival serves all.
+    # Stamps of lockstep begin at 0: the time of arrival serves all.
     assert root.find('.//use_header_stamp').get('value') == 'false'
 
     assert len(names) >= 9

@@ -6,14 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_cases import PERIOD_NS, TYPES, packet, small_run, write_like_rosbag2
 
-from dvs_closed_loop.bags.bag import RecordedMessage, read_bag
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.former_estimates import FORMER_TYPE
 from dvs_closed_loop.bags.loop_topics import given_topics
+from dvs_closed_loop.bags.recorded_message import RecordedMessage
 from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.stamped_runs import stamped_stream
 from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
-from dvs_common.wire.messages import pack_image
+from dvs_common.wire.messages import pack_array, pack_image, parse_state
 from dvs_common.wire.stamped import stamp_of
 
 
@@ -61,7 +63,7 @@ def test_one_of_two_loops_is_chosen_by_its_namespace(tmp_path):
 
 @pytest.mark.parametrize('missed', [1, 7])
 @pytest.mark.parametrize('topic', [topics.ESTIMATE, topics.COMMAND])
-def test_estimates_find_their_commands_when_the_recording_began_late(topic, missed, tmp_path):
+def test_a_recording_that_began_late_has_what_every_stream_has(topic, missed, tmp_path):
     recorded = small_run()
     late = [entry for entry in recorded if entry[0] == topic][missed:]
     run = recorded_run(tmp_path / 'bag', [e for e in recorded if e[0] != topic] + late)
@@ -70,6 +72,24 @@ def test_estimates_find_their_commands_when_the_recording_began_late(topic, miss
     assert len(run.trace.times_s) == 60 - missed
     np.testing.assert_allclose(run.trace.estimates, run.trace.luminosities * 1.01)
     assert not run.from_start
+
+
+@pytest.mark.parametrize('missed', [0, 1, 7])
+@pytest.mark.parametrize('topic', [topics.ESTIMATE, topics.COMMAND])
+def test_estimates_of_former_bags_find_their_commands(topic, missed, tmp_path):
+    recorded = [
+        (t, r, pack_array(parse_state(d).values) if t == topics.ESTIMATE else d)
+        for t, r, d in small_run()
+    ]
+    late = [entry for entry in recorded if entry[0] == topic][missed:]
+    recorded = [e for e in recorded if e[0] != topic] + late
+    with BagWriter(tmp_path / 'bag', {**TYPES, topics.ESTIMATE: FORMER_TYPE}) as bag:
+        for name, received, data in sorted(recorded, key=lambda entry: entry[1]):
+            bag.write(name, received, data)
+    run = examine(read_bag(tmp_path / 'bag'))
+
+    assert len(run.trace.times_s) == 60 - missed
+    np.testing.assert_allclose(run.trace.estimates, run.trace.luminosities * 1.01)
 
 
 def test_lost_messages_are_counted_where_they_are_missing(tmp_path):

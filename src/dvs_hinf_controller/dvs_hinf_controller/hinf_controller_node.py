@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import Image, JointState, PointCloud2
-from std_msgs.msg import Empty, Float64MultiArray
+from std_msgs.msg import Empty
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
@@ -20,7 +20,7 @@ from dvs_common.wire import topics
 from dvs_common.wire.anchor import parse_anchor
 from dvs_common.wire.events import EVENT_DTYPE, parse_events
 from dvs_common.wire.keyframe import parse_keyframe
-from dvs_common.wire.messages import Vector, pack_array, pack_command
+from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
@@ -34,7 +34,7 @@ _STALE_S = 2.0
 _BLIND_S = 2.0
 _UNKNOWN_REFERENCES = 4
 # Of an estimate.
-_BYTES_A_PIXEL = 8
+_BYTES_A_PIXEL = 24
 
 
 class HinfControllerNode(ManagedNode):
@@ -66,7 +66,7 @@ class HinfControllerNode(ManagedNode):
         )
         pixels = self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
-            Float64MultiArray,
+            JointState,
             topics.ESTIMATE,
             topics.stream_qos(topics.history_depth(_BYTES_A_PIXEL * pixels)),
         )
@@ -133,7 +133,9 @@ class HinfControllerNode(ManagedNode):
         self._stamp_ns = packet.stamp_ns
         self._publish_command(packet.stamp_ns, self._controller.command)
         if self._estimate_publisher.wanted:
-            self._estimate_publisher.publish(pack_array(self._controller.estimate))
+            self._estimate_publisher.publish(
+                pack_estimate(packet.stamp_ns, self._controller.estimate)
+            )
         self._packets += 1
         if len(packet.events) and not report.repeated:
             self._events += len(packet.events)

@@ -4,7 +4,13 @@ import numpy as np
 
 from dvs_common.wire import topics
 from dvs_common.wire.events import EVENT_DTYPE, EventPacket, pack_events
-from dvs_common.wire.messages import Vector, pack_array, pack_command, pack_image, pack_state
+from dvs_common.wire.messages import (
+    Vector,
+    pack_command,
+    pack_estimate,
+    pack_image,
+    pack_state,
+)
 
 MS = 1_000_000
 
@@ -36,5 +42,5 @@ def recorded(samples, *, start_ns=0, pixels=(1, 3), events_per_sample=0):
         messages[topics.LUMINOSITY].append(pack_image(stamp_ns, image, '64FC1'))
         messages[topics.EVENTS].append(pack_events(EventPacket(stamp_ns=stamp_ns, events=events)))
         messages[topics.COMMAND].append(pack_command(vector(stamp_ns, [float(k)], 'u')))
-        messages[topics.ESTIMATE].append(pack_array(np.array(estimate, dtype=float)))
+        messages[topics.ESTIMATE].append(pack_estimate(stamp_ns, np.array(estimate, dtype=float)))
     return messages

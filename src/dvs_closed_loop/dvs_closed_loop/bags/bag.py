@@ -7,32 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from dvs_closed_loop.bags.former_estimates import FORMER_TYPE, of_today
 from dvs_closed_loop.bags.loop_topics import choose_topics
+from dvs_closed_loop.bags.recorded_message import RecordedMessage
 from dvs_closed_loop.bags.recording import NAME_KEY, PARAMETERS_KEY
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.topics import ESTIMATE
 from dvs_event_camera.files.bag_file import BagFile
 from dvs_event_camera.files.damage import DamagedFile
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedMessage:
-    """One message of a bag.
-
-    Parameters
-    ----------
-    topic
-        Topic of the wire contract.
-    received_ns
-        Time of reception, ns.
-    data
-        CDR bytes.
-    """
-
-    topic: str
-    received_ns: int
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,10 +131,13 @@ def read_bag(
                 )
         except DamagedFile as error:
             damage = str(error)
+        messages.sort(key=lambda message: message.received_ns)
+        if found.get(names.get(ESTIMATE, '')) == FORMER_TYPE:
+            messages = of_today(messages)
         scenario = bag.custom.get(PARAMETERS_KEY)
         return RecordedBag(
             path=path,
-            messages=tuple(sorted(messages, key=lambda message: message.received_ns)),
+            messages=tuple(messages),
             names=names,
             ignored=tuple(sorted(found.keys() - set(names.values()))),
             scenario=None if scenario is None else Scenario.from_values(json.loads(scenario)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from dvs_closed_loop.bags.former_estimates import FORMER_TYPE
 from dvs_closed_loop.bags.streams import STREAMS, Stream, base_name
 from dvs_common.errors import ParameterError
 from dvs_common.wire import topics
@@ -97,7 +98,13 @@ def _stream_called(name: str, kind: str) -> Stream | None:
     """Stream of the contract with this name and type; a loop's own clock is in its namespace."""
     base = base_name(name)
     stream = STREAMS.get(name) or STREAMS.get(base) or STREAMS.get('/' + base)
-    return stream if stream is not None and kind == stream.type_name else None
+    return stream if stream is not None and kind in _types(stream.topic) else None
+
+
+def _types(topic: str) -> tuple[str, ...]:
+    """Types that a topic of the contract has, or had in former recordings."""
+    kind = STREAMS[topic].type_name
+    return (kind, FORMER_TYPE) if topic == topics.ESTIMATE else (kind,)
 
 
 def _namespace(name: str) -> str:
@@ -123,7 +130,7 @@ def _one_of(named: Mapping[str, Sequence[str]]) -> str:
 def _checked(topic: str, name: str, found: Mapping[str, str]) -> str:
     if name not in found:
         raise ParameterError('topic', name, f'must be one of {", ".join(sorted(found))}')
-    if found[name] != STREAMS[topic].type_name:
+    if found[name] not in _types(topic):
         raise ParameterError(
             'topic', name, f'is a {found[name]}, {topic} a {STREAMS[topic].type_name}'
         )
@@ -139,7 +146,7 @@ def _recognised(
         matches = [
             name
             for name, kind in sorted(found.items())
-            if kind == STREAMS[topic].type_name
+            if kind in _types(topic)
             and name not in chosen.values()
             and _is_one(topic, first_message(name))
         ]
@@ -169,6 +176,6 @@ _IS_ONE: dict[str, Callable[[bytes], bool]] = {
     topics.LUMINOSITY: lambda message: image_head(message).format.encoding in ('64FC1', '32FC1'),
     topics.KEYFRAME: lambda message: parse_keyframe(message) is not None,
     topics.COMMAND: _is_command,
-    topics.STATE: lambda message: bool(parse_state(message).names),
-    topics.ESTIMATE: lambda message: True,
+    topics.STATE: lambda message: parse_state(message).names[:1] not in ((), ('z1',)),
+    topics.ESTIMATE: lambda message: parse_state(message).names[:1] == ('z1',),
 }

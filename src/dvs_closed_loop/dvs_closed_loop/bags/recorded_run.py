@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from dvs_closed_loop.bags.bag import RecordedBag, RecordedMessage
+from dvs_closed_loop.bags.bag import RecordedBag
+from dvs_closed_loop.bags.recorded_message import RecordedMessage
 from dvs_closed_loop.bags.stamped_runs import StampedRun, StampedStream, stamped_stream
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
-from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
 from dvs_common.wire.index_watch import IndexWatch
-from dvs_common.wire.messages import parse_array, parse_command, parse_state
+from dvs_common.wire.messages import parse_command, parse_state
 from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_simulation.judging.trace import Messages, Trace, decode_trace
 
@@ -26,6 +25,7 @@ STAMPED: Mapping[str, Callable[[bytes], object]] = {
     topics.EVENTS: lambda message: parse_events(message).events.dtype,
     topics.COMMAND: lambda message: parse_command(message).values.size,
     topics.STATE: lambda message: parse_state(message).values.size,
+    topics.ESTIMATE: lambda message: parse_state(message).values.size,
 }
 
 
@@ -146,8 +146,7 @@ def examine(bag: RecordedBag) -> RecordedRun:
         for message in run.messages:
             index.take(parse_events(message.data))
     last = {topic: stream.runs[-1] for topic, stream in stamped.items()}
-    estimates = _readable(_since(by_topic.get(topics.ESTIMATE, []), stamped), last)
-    complete = _complete_messages(last, estimates)
+    complete = _complete_messages(last)
     trace = decode_trace(complete) if complete[topics.COMMAND] else None
     starts = {run.stamps_ns[0] for run in last.values() if run.messages}
     began = parse_command(complete[topics.COMMAND][0]).stamp_ns if trace is not None else None
@@ -171,37 +170,6 @@ def _wall_seconds(last: Mapping[str, StampedRun]) -> float:
     received = dict(zip(samples.stamps_ns, samples.messages, strict=True))
     begin = received.get(commands.stamps_ns[0], commands.messages[0])
     return as_seconds(max(0, commands.messages[-1].received_ns - begin.received_ns))
-
-
-def _since(
-    estimates: list[RecordedMessage], stamped: Mapping[str, StampedStream]
-) -> list[RecordedMessage]:
-    """Estimates of the last run: those since its first message, where there were others."""
-    began = [
-        stream.runs[-1].messages[0].received_ns
-        for stream in stamped.values()
-        if len(stream.runs) > 1 and stream.runs[-1].messages
-    ]
-    if not began:
-        return estimates
-    return estimates[bisect_left(estimates, min(began), key=lambda m: m.received_ns) :]
-
-
-def _readable(
-    estimates: list[RecordedMessage], last: Mapping[str, StampedRun]
-) -> list[RecordedMessage]:
-    """Estimates with one number for every pixel of the recorded luminosity."""
-    if not last[topics.LUMINOSITY].messages:
-        return estimates
-    pixels = parse_luminosity(last[topics.LUMINOSITY].messages[0].data).pixels.size
-    return [message for message in estimates if _size_of(message.data) == pixels]
-
-
-def _size_of(estimate: bytes) -> int:
-    try:
-        return parse_array(estimate).size
-    except MessageError:
-        return -1
 
 
 def _statistics(
@@ -230,53 +198,14 @@ def _statistics(
     )
 
 
-def _complete_messages(
-    run: Mapping[str, StampedRun], recorded_estimates: list[RecordedMessage]
-) -> Messages:
-    """Messages of the samples that every stream has, one command and estimate a sample."""
+def _complete_messages(run: Mapping[str, StampedRun]) -> Messages:
+    """Messages of the samples that every stream has."""
     samples = set.intersection(*(set(one.stamps_ns) for one in run.values()))
-    commands = run[topics.COMMAND]
-    estimates = _align(recorded_estimates, list(commands.messages))
-    kept_commands, kept_estimates = [], []
-    for stamp, command, estimate in zip(
-        commands.stamps_ns, commands.messages, estimates, strict=True
-    ):
-        if stamp in samples and estimate is not None:
-            kept_commands.append(command.data)
-            kept_estimates.append(estimate.data)
-    others = {
-        topic: [m.data for m in one.messages] for topic, one in run.items()
-        if topic != topics.COMMAND
-    }  # fmt: skip
-    return {**others, topics.COMMAND: kept_commands, topics.ESTIMATE: kept_estimates}
-
-
-def _align(
-    estimates: list[RecordedMessage], commands: list[RecordedMessage]
-) -> list[RecordedMessage | None]:
-    """Estimate that belongs to each command.
-
-    Estimates carry no stamp, but the controller publishes one just before each command. So they
-    belong together in order, shifted by as many as the recording missed of either at its
-    beginning; the shift is the one that brings their times of reception closest.
-    """
-    if not estimates:
-        return [None] * len(commands)
-    reach = abs(len(estimates) - len(commands)) + 1
-    received = np.array([message.received_ns for message in estimates])
-    answered = np.array([message.received_ns for message in commands])
-
-    def distance(shift: int) -> float:
-        first, last = max(0, -shift), min(len(commands), len(estimates) - shift)
-        if first >= last:
-            return np.inf
-        apart = answered[first:last] - received[first + shift : last + shift]
-        return float(np.median(np.abs(apart)))
-
-    shift = min(sorted(range(-reach, reach + 1), key=abs), key=distance)
-    if len(estimates) == len(commands):
-        shift = 0
-    return [
-        estimates[i + shift] if 0 <= i + shift < len(estimates) else None
-        for i in range(len(commands))
-    ]
+    return {
+        topic: [
+            message.data
+            for stamp, message in zip(one.stamps_ns, one.messages, strict=True)
+            if stamp in samples
+        ]
+        for topic, one in run.items()
+    }

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dvs_closed_loop.bags.bag import RecordedMessage
+from dvs_closed_loop.bags.recorded_message import RecordedMessage
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.stamped import stamp_of
 

@@ -63,7 +63,7 @@ STREAMS = {
         Stream(topic=topics.EVENTS, type_name='sensor_msgs/msg/PointCloud2', latched=True),
         Stream(topic=topics.COMMAND, type_name='sensor_msgs/msg/JointState', latched=True),
         Stream(topic=topics.STATE, type_name='sensor_msgs/msg/JointState'),
-        Stream(topic=topics.ESTIMATE, type_name='std_msgs/msg/Float64MultiArray'),
+        Stream(topic=topics.ESTIMATE, type_name='sensor_msgs/msg/JointState'),
         Stream(topic=topics.KEYFRAME, type_name='sensor_msgs/msg/PointCloud2', latched=True),
         Stream(topic=topics.KEYFRAME_REQUEST, type_name='std_msgs/msg/Empty'),
         Stream(topic=topics.ANCHOR, type_name='sensor_msgs/msg/Image'),

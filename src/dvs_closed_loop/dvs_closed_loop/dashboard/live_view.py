@@ -21,7 +21,6 @@ from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import EventPacket, parse_events
 from dvs_common.wire.index_watch import IndexWatch
 from dvs_common.wire.messages import (
-    parse_array,
     parse_command,
     parse_state,
 )
@@ -215,7 +214,7 @@ class LiveView:
             if image is None:
                 continue
             y = parse_luminosity(image).pixels.reshape(-1).astype(np.float64)
-            z = parse_array(estimate)
+            z = parse_state(estimate).values
             if len(y) != len(z) or not len(y):
                 continue
             count = min(len(y), _PIXELS_SHOWN)

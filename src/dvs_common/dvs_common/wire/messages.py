@@ -230,6 +230,32 @@ def pack_state(vector: Vector) -> bytes:
     return stamped(vector.stamp_ns, head, vector.values.tobytes(), _NO_DOUBLES)
 
 
+@functools.lru_cache(maxsize=4)
+def estimate_names(count: int) -> tuple[str, ...]:
+    """Names of the entries of `estimate`: z1 to zr.
+
+    Parameters
+    ----------
+    count
+        Number of pixels r.
+    """
+    return tuple(f'z{i + 1}' for i in range(count))
+
+
+def pack_estimate(stamp_ns: int, estimate: FloatArray) -> bytes:
+    """Serialized sensor_msgs/JointState with z in ``position``.
+
+    Parameters
+    ----------
+    stamp_ns
+        Stamp of the sample, ns.
+    estimate
+        z of every pixel, shape (r,).
+    """
+    names = estimate_names(estimate.size)
+    return pack_state(Vector(stamp_ns=stamp_ns, names=names, values=estimate))
+
+
 def pack_command(vector: Vector) -> bytes:
     """Serialized sensor_msgs/JointState with the values in ``effort``.
 

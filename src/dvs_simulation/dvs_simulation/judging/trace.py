@@ -12,7 +12,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
 from dvs_common.wire.events import EVENT_DTYPE, parse_events
-from dvs_common.wire.messages import parse_array, parse_command, parse_state
+from dvs_common.wire.messages import parse_command, parse_state
 from dvs_event_camera.streams.image_source import parse_luminosity
 
 Messages = Mapping[str, Sequence[bytes]]
@@ -80,7 +80,7 @@ def decode_trace(messages: Messages) -> Trace:
     states = {v.stamp_ns: v.values for v in map(parse_state, messages[topics.STATE])}
     frames = {f.stamp_ns: f for f in map(parse_luminosity, messages[topics.LUMINOSITY])}
     packets = {p.stamp_ns: p for p in map(parse_events, messages[topics.EVENTS])}
-    estimates = [parse_array(message) for message in messages[topics.ESTIMATE]]
+    estimates = [parse_state(message).values for message in messages[topics.ESTIMATE]]
     stamps = [command.stamp_ns for command in commands]
     if not stamps:
         raise IncompleteTraceError('no command was recorded')

@@ -20,8 +20,8 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.events import pack_events, parse_events
 from dvs_common.wire.messages import (
     Vector,
-    pack_array,
     pack_command,
+    pack_estimate,
     pack_image,
     pack_state,
     parse_command,
@@ -172,5 +172,5 @@ def _command(run: SampledRun, controller: EventController, packets: list[bytes])
             Vector(stamp_ns=packet.stamp_ns, names=names, values=controller.command)
         )
         run.messages[COMMAND].append(message)
-        run.messages[ESTIMATE].append(pack_array(controller.estimate))
+        run.messages[ESTIMATE].append(pack_estimate(packet.stamp_ns, controller.estimate))
     return parse_command(message).values
