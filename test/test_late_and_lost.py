@@ -140,7 +140,7 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
 
 
 def sector_ratio(operator, luminosities, estimates):
-    """Worst |z - y| / (delta_z |y|) where both hold still, since they share no stamp."""
+    """Worst |z - y| / (delta_z |y|) where both hold still."""
     luminosities.clear()
     estimates.clear()
     assert operator.spin_until(lambda: len(luminosities) > 800 and len(estimates) > 800)
@@ -148,7 +148,7 @@ def sector_ratio(operator, luminosities, estimates):
         SCENARIO.model_reference_bounds, event_threshold=0.15, log_base=SCENARIO['log_base']
     ).error_bound
     y = np.array([np.frombuffer(image.data) for image in luminosities[:800]])
-    z = np.array([estimate.data for estimate in estimates[:800]])
+    z = np.array([estimate.position for estimate in estimates[:800]])
     return max(
         np.max((z.max(0) / y.max(0) - 1) / bound), np.max((1 - z.min(0) / y.min(0)) / bound)
     )
@@ -174,7 +174,7 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
     with operating(domain) as operator:
         messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
         luminosities = operator.hear(Image, 'luminosity', 1000)
-        estimates = operator.hear(Float64MultiArray, 'estimate', 1000)
+        estimates = operator.hear(JointState, 'estimate', 1000)
         # Near the set-point, far from what the parameters say of the first references.
         assert operator.spin_until(lambda: is_exact(messages) and len(luminosities) > 1500)
         for executable in order:
@@ -206,7 +206,7 @@ def test_a_controller_with_a_wrong_initial_state_believes_the_sensor(domain, pro
     with operating(domain) as operator:
         messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
         luminosities = operator.hear(Image, 'luminosity', 1000)
-        estimates = operator.hear(Float64MultiArray, 'estimate', 1000)
+        estimates = operator.hear(JointState, 'estimate', 1000)
         assert operator.spin_until(lambda: is_exact(messages))
         assert sector_ratio(operator, luminosities, estimates) <= 1 + 1e-9
 
