@@ -283,11 +283,17 @@ def test_csv_and_text_and_numpy_files_are_what_their_readers_expect(raw, events,
     assert set(np.unique(columns['p'])) == {0, 1}
 
 
-def test_libraries_read_what_is_written_for_them(raw, events, tmp_path):
-    tonic_io = pytest.importorskip('tonic.io')
-    loaded = tonic_io.read_aedat4(str(convert(raw, tmp_path / 'out.aedat4')))
-
-    assert np.array_equal(loaded['events']['t'], events.t // 1000)
+def test_tonic_reads_aedat4_and_npy_and_tells_on_from_off(raw, events, tmp_path):
+    tonic = pytest.importorskip('tonic')
+    to_frame = tonic.transforms.ToFrame(sensor_size=(640, 480, 2), n_time_bins=1)
+    records = np.load(convert(raw, tmp_path / 'out.npy'))
+    off, on = to_frame(records)[0].sum(axis=(1, 2))
+    # Its last bin ends before the last event.
+    assert off == np.count_nonzero(events.p[:-1] == 0)
+    assert on == np.count_nonzero(events.p[:-1])
+    loaded = tonic.io.read_aedat4(str(convert(raw, tmp_path / 'out.aedat4')))
+    assert np.array_equal(loaded['t'], events.t // 1000)
+    assert np.array_equal(loaded['on'], events.p == 1)
 
 
 def test_evlib_reads_text_and_hdf5(raw, events, tmp_path):
