@@ -225,6 +225,7 @@ TYPED = (
     ),
     Rule(TOOLS + 'dashboard', serves_a_page, CTRL_C),
     Rule(TOOLS + 'record .*', runs_until_ctrl_c(r'receives command'), CTRL_C),
+    Rule(TOOLS + 'play recording.raw .*', is_understood, 'test_recorded_stream.py plays files'),
     Rule(TOOLS + '(play|report) .*', runs()),
     Rule(r'scripts/bench\.sh( .*)?', benchmark_is_understood, 'takes minutes, installs packages'),
     Rule(
@@ -261,7 +262,6 @@ NAMED = (
     Rule('pip install', nothing, 'no whole command'),
     Rule('colcon test', nothing, 'test_manifests.py runs it'),
     Rule('apt-get install chromium chromium-driver', nothing, 'system packages; .ci/run has them'),
-    Rule('mcap recover', nothing, 'a tool of others'),
     Rule('timeout -s INT|kill -9|tc netem', nothing, 'no whole command'),
 )
 
