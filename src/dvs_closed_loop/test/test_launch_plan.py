@@ -110,7 +110,10 @@ def test_every_scenario_can_be_launched_by_name():
             'scenario = nowhere: must be a parameter file or one of .*pendu',
         ),
         ({'mode': 'fast'}, 'mode = fast: must be one of lockstep, realtime$'),
-        ({'viewer': 'xterm'}, 'viewer = xterm: must be one of none, rqt, plotjuggler, foxglove'),
+        (
+            {'viewer': 'xterm'},
+            'viewer = xterm: must be one of none, rqt, plotjuggler, rviz, ',
+        ),
         ({'namespace': 'a b'}, 'namespace = a b: '),
         ({'elsewhere': 'me'}, 'elsewhere = me: '),
         ({'log_level': 'loud'}, 'log_level = loud: must be one of debug'),

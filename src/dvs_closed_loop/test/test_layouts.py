@@ -7,9 +7,11 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+import yaml
 from rosbags.typesys import Stores, get_typestore
 
 from dvs_closed_loop.bags.streams import STREAMS
+from dvs_common.wire.events import FRAME_ID
 
 LAYOUTS = Path(__file__).parents[1] / 'layouts'
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -123,3 +125,17 @@ def test_the_layouts_are_installed():
         'plotjuggler.xml',
         'rqt.perspective',
     ]
+
+
+def test_rviz():
+    manager = yaml.safe_load((LAYOUTS / 'rviz.rviz').read_text())['Visualization Manager']
+    assert manager['Global Options']['Fixed Frame'] == FRAME_ID
+    displays = {display['Name']: display for display in manager['Displays']}
+    for name in ('Events', 'Picture'):
+        display = displays[name]
+        kind = display['Class'].partition('/')[2]
+        stream = STREAMS[display['Topic']['Value']]
+        assert stream.type_name.endswith(f'/{kind}')
+        qos = stream.offered_qos
+        assert display['Topic']['Reliability Policy'].upper() == qos.reliability.name
+        assert display['Topic']['Durability Policy'].upper() == qos.durability.name

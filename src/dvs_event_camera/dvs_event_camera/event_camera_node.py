@@ -29,6 +29,7 @@ from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamp_gate import Passage, StampGate
 from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.streams.anchor_frames import AnchorFrames
+from dvs_event_camera.streams.event_cloud import EventCloud, pack_cloud
 from dvs_event_camera.streams.event_packet import pack_event_packet
 from dvs_event_camera.streams.event_records import without_labels
 from dvs_event_camera.streams.frame_map import FrameMap
@@ -80,6 +81,7 @@ class EventCameraNode(ManagedNode):
         )
         self._polarity = self.advertise_on_demand(Int16MultiArray, topics.POLARITY, stream)
         self._image = self.advertise_on_demand(Image, topics.EVENT_IMAGE, stream)
+        self._points = self.advertise_on_demand(PointCloud2, topics.EVENT_CLOUD, stream)
         self._packets = self._advertise_event_packets(stream)
         self._listen(stream)
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
@@ -113,6 +115,7 @@ class EventCameraNode(ManagedNode):
         """Wait for the first sample."""
         self._camera = EventCamera.of_scenario(self._scenario)
         self._renderer: EventRenderer | None = None
+        self._cloud: EventCloud | None = None
         self._next_image_ns = self._next_keyframe_ns = 0
         self._packet_number = 0
         self._frames = self._resent = self._restarts = 0
@@ -193,6 +196,7 @@ class EventCameraNode(ManagedNode):
             self._draw(exposure, frame.stamp_ns)
         else:
             self._renderer = None
+        self._show_points(exposure, frame.stamp_ns)
 
     def _answer_again(self) -> None:
         """Answer a frame sent again with the same bytes: the first answer may have been lost."""
@@ -266,6 +270,19 @@ class EventCameraNode(ManagedNode):
             )
 
     # -- for those who look -----------------------------------------------------------------------
+
+    def _show_points(self, exposure: Exposure, stamp_ns: int) -> None:
+        if not self._points.wanted:
+            self._cloud = None
+            return
+        display = self._scenario.display
+        if self._cloud is None or exposure.started:
+            self._cloud = EventCloud(width=self._camera.shape[1], window_s=display.display_decay)
+            self._next_cloud_ns = stamp_ns
+        self._cloud.add(exposure.events, stamp_ns)
+        if stamp_ns >= self._next_cloud_ns:
+            self._next_cloud_ns = stamp_ns + round(NANOSECONDS / display.display_rate)
+            self._points.publish(pack_cloud(stamp_ns, self._cloud.points(stamp_ns)))
 
     def _draw(self, exposure: Exposure, stamp_ns: int) -> None:
         s = self._scenario

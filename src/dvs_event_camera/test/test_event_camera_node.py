@@ -100,6 +100,7 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
     sums = graph.hear(Int16MultiArray, 'polarity', topics.stream_qos(), raw=False)
     packets = graph.hear(String, 'events_packet', topics.stream_qos())
     labels = graph.hear(PointCloud2, 'events_label', topics.stream_qos())
+    clouds = graph.hear(PointCloud2, 'event_cloud', topics.stream_qos(), raw=False)
     diagnostics = graph.hear(DiagnosticArray, '/diagnostics', topics.stream_qos(), raw=False)
     stamp = 0
 
@@ -111,13 +112,17 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
         grey[1, 2] = 100 if grey[1, 2] == 200 else 200
         publisher.publish(pack_image(stamp, grey, 'mono8'))
 
-    graph.turn_until(lambda: len(pictures) > 3 and sums and packets and labels, act=brighter)
+    graph.turn_until(
+        lambda: len(pictures) > 3 and sums and packets and labels and clouds, act=brighter
+    )
     picture = parse_image(bytes(pictures[-1]))
     assert (picture.format.encoding, picture.format.height, picture.format.width) == ('bgr8', 4, 5)
     lit = np.frombuffer(picture.data, np.uint8).reshape(4, 5, 3)
     assert np.argwhere(np.ptp(lit.astype(int), axis=2) > 60).tolist() == [[1, 2]]
     assert [dim.size for dim in sums[-1].layout.dim] == [4, 5]
     assert np.flatnonzero(sums[-1].data).tolist() == [7]
+    points = np.frombuffer(clouds[-1].data, '<f4').reshape(-1, 3)
+    assert {tuple(point) for point in points[:, :2]} == {(2.0, 1.0)}
     packet = PacketDecoder().decode(parse_event_packet(bytes(packets[-1])))
     assert set(zip(packet.x, packet.y, strict=True)) == {(2, 1)}
     assert 'noise' in parse_events(bytes(labels[-1])).events.dtype.names

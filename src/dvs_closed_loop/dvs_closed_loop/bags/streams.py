@@ -73,6 +73,7 @@ STREAMS = {
         Stream(topic=topics.EVENTS_PACKET, type_name=EVENT_PACKET, on_demand=True),
         Stream(topic=topics.POLARITY, type_name='std_msgs/msg/Int16MultiArray', on_demand=True),
         Stream(topic=topics.EVENT_IMAGE, type_name='sensor_msgs/msg/Image', on_demand=True),
+        Stream(topic=topics.EVENT_CLOUD, type_name='sensor_msgs/msg/PointCloud2', on_demand=True),
     )
 }
 

@@ -96,6 +96,7 @@ VIEWERS = {
         layout='plotjuggler.xml',
         layout_option='--layout',
     ),
+    'rviz': Viewer(package='rviz2', executable='rviz2', layout='rviz.rviz', layout_option='-d'),
     'foxglove': Viewer(package='foxglove_bridge', executable='foxglove_bridge'),
 }
 
