@@ -380,5 +380,6 @@ def pixels_of_scenario(
         interpolation=scenario.camera.interpolation,
         imperfections=imperfections_of_scenario(scenario),
         label_noise=scenario.camera.label_noise,
+        threads=scenario.camera.threads,
         backend=backend,
     )

@@ -88,6 +88,12 @@ class CameraParameters(ParameterGroup):
         nodes=(CAMERA,),
         interval=Interval(low=0, high=65535),
     )
+    threads: int = parameter(
+        1,
+        'Threads that share the rows of a large pixel array: the same events, sooner',
+        nodes=(CAMERA,),
+        interval=Interval(low=1, high=64),
+    )
     compressed_input: bool = parameter(
         False,
         'Take sensor_msgs/CompressedImage on luminosity/compressed instead of luminosity; '
@@ -112,6 +118,21 @@ class ImperfectionParameters(ParameterGroup):
         nodes=(CAMERA,),
         interval=SHARE,
     )
+    event_threshold_off: float = parameter(
+        0.0,
+        'Threshold of OFF events; 0: event_threshold, as an estimator that counts polarities '
+        'takes for granted',
+        nodes=(CAMERA,),
+        unit='log_b units',
+        interval=NON_NEGATIVE,
+    )
+    reset: str = parameter(
+        'ladder',
+        'What a reference becomes at an event: ladder moves it by the threshold, level takes the '
+        "present level, as the sensor's circuit does",
+        nodes=(CAMERA,),
+        choices=('ladder', 'level'),
+    )
     refractory_period: float = parameter(
         0.0,
         'Time after an event in which a pixel is silent; its reference waits, so that no '
@@ -133,6 +154,14 @@ class ImperfectionParameters(ParameterGroup):
         nodes=(CAMERA,),
         unit='1/s',
         interval=_UP_TO_A_MILLION,
+    )
+    shot_noise_luminosity: float = parameter(
+        0.0,
+        'Luminosity at which a quarter of the shot noise is left, linearly less on the way '
+        'there; 0: the same rate everywhere',
+        nodes=(CAMERA,),
+        unit='luminosity',
+        interval=NON_NEGATIVE,
     )
     cutoff_frequency: float = parameter(
         0.0,

@@ -7,13 +7,12 @@ the levels tile by tile, and gives the events in order at the end.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
-from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.crossings import (
     CountArray,
     RawEvents,
@@ -22,10 +21,7 @@ from dvs_event_camera.pixels.crossings import (
     linear_crossings,
 )
 from dvs_event_camera.pixels.event_flood import require_bounded
-from dvs_event_camera.pixels.pixel_events import KEY_BITS, PixelEvents
-
-# Pixels from which compiling (once, then cached) and importing numba pays.
-_WORTH_COMPILING = 4096
+from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 
 class Comparator(Protocol):
@@ -49,7 +45,7 @@ class Comparator(Protocol):
             Their levels, or luminosities where the comparator takes those, shape (k,).
         """
 
-    def begin(self, start_ns: int, duration_ns: int) -> None:
+    def begin(self, start_ns: int, duration_ns: int, luminosity: NDArray[np.generic]) -> None:
         """Start an interval.
 
         Parameters
@@ -58,6 +54,8 @@ class Comparator(Protocol):
             Time of the last sample, ns.
         duration_ns
             Time to the new sample, ns.
+        luminosity
+            The new sample, shape (r,).
         """
 
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
@@ -106,16 +104,15 @@ class NumpyComparator:
         """N, the sum of polarities so far, shape (r,)."""
         return self._counts
 
-    @property
-    def positions(self) -> FloatArray:
-        """Levels of the last sample in steps above the first references, shape (r,)."""
-        return self._previous
+    def distances(self) -> FloatArray:
+        """How far the last levels lie above their references, shape (r,)."""
+        return (self._previous - self._counts) * self._step
 
     def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
         """Start pixels; see `Comparator.start_pixels`."""
         self._previous[pixels] = 0.0
 
-    def begin(self, start_ns: int, duration_ns: int) -> None:
+    def begin(self, start_ns: int, duration_ns: int, luminosity: NDArray[np.generic]) -> None:
         """Start an interval; see `Comparator.begin`."""
         self._start_ns, self._duration_ns = start_ns, duration_ns
         self._expected = 0.0
@@ -157,120 +154,3 @@ class NumpyComparator:
         if not self._parts:
             return PixelEvents.empty()
         return join(self._parts).in_order(self._start_ns)
-
-
-class NumbaComparator(NumpyComparator):
-    """The same, compiled; intervals too long for the packed keys are left to NumPy.
-
-    Parameters
-    ----------
-    levels
-        Levels at the first sample, shape (r,).
-    origin
-        Levels of the first references, shape (r,).
-    step
-        Threshold as a change of the level, ``h ln b``.
-    kernels
-        Module `crossings_numba`.
-    """
-
-    def __init__(self, levels: FloatArray, origin: FloatArray, step: float, kernels: Any) -> None:
-        super().__init__(levels, origin, step)
-        self._compiled = kernels
-        self._pixel_bits = max(1, (levels.size - 1).bit_length())
-        self._keys = np.empty(1024, np.int64)
-        self._mask = np.zeros(0, np.uint8)
-        self._found = np.zeros(0, np.int32)
-        self._invalid = np.zeros(1, np.int64)
-
-    def begin(self, start_ns: int, duration_ns: int) -> None:
-        """Start an interval; see `Comparator.begin`."""
-        super().begin(start_ns, duration_ns)
-        self._used = 0
-        self._packed = duration_ns.bit_length() + self._pixel_bits + 2 <= KEY_BITS
-
-    def fire(self, levels: FloatArray, first_pixel: int) -> None:
-        """Compare a tile; see `Comparator.fire`."""
-        if not self._packed:
-            super().fire(levels, first_pixel)
-            return
-        if self._mask.size < levels.size + 8:
-            self._mask = np.zeros((levels.size + 15) // 8 * 8, np.uint8)
-            self._found = np.zeros(self._mask.size, np.int32)
-        tile = slice(first_pixel, first_pixel + levels.size)
-        previous, counts = self._previous[tile], self._counts[tile]
-        number = self._compiled.find_news(
-            levels, self._origin[tile], counts, self._step, self._mask, self._found
-        )
-        found = self._found[:number]
-        while found.size:
-            done, self._used, needed = self._compiled.fire(
-                levels,
-                previous,
-                counts,
-                found,
-                self._duration_ns,
-                first_pixel,
-                self._pixel_bits,
-                self._keys,
-                self._used,
-                self._invalid,
-            )
-            found = found[done:]
-            if found.size:
-                require_bounded(needed)
-                grown = np.empty(max(needed, 2 * self._keys.size), np.int64)
-                grown[: self._used] = self._keys[: self._used]
-                self._keys = grown
-        previous[:] = levels
-        self.invalid = int(self._invalid[0])
-
-    def finish(self) -> PixelEvents:
-        """Events of the interval; see `Comparator.finish`."""
-        if not self._packed:
-            return super().finish()
-        keys = self._keys[: self._used]
-        keys.sort()
-        events = PixelEvents(
-            t=np.empty(keys.size, np.int64),
-            pixel=np.empty(keys.size, np.int32),
-            polarity=np.empty(keys.size, np.int8),
-            sign=np.empty(keys.size, np.int8),
-        )
-        self._compiled.unpack_keys(
-            keys,
-            self._start_ns,
-            self._pixel_bits,
-            events.t,
-            events.pixel,
-            events.polarity,
-            events.sign,
-        )
-        return events
-
-
-def ideal_comparator(
-    backend: str, levels: FloatArray, origin: FloatArray, step: float
-) -> NumpyComparator:
-    """Comparator of ideal pixels whose level is linear in time.
-
-    Parameters
-    ----------
-    backend
-        `numba`, `numpy`, or `auto`: numba if it is installed and the array is large.
-    levels
-        Levels at the first sample, shape (r,).
-    origin
-        Levels of the first references, shape (r,).
-    step
-        Threshold as a change of the level, ``h ln b``.
-
-    Raises
-    ------
-    ParameterError
-        If `backend` is unknown or not installed.
-    """
-    kernels = kernels_for(backend, levels.size, worth=_WORTH_COMPILING)
-    if kernels is None:
-        return NumpyComparator(levels, origin, step)
-    return NumbaComparator(levels, origin, step, kernels)

@@ -9,20 +9,22 @@ from typing import Any
 from dvs_common.errors import ParameterError
 
 BACKENDS = ('auto', 'numba', 'numpy')
+# Pixels or events from which compiled code pays.
+WORTH_COMPILING = 4096
 
 
 @cache
 def kernels() -> Any | None:
-    """Module `crossings_numba`; None if numba is not installed or may not compile."""
+    """Module `pixel_kernels`; None if numba is not installed or may not compile."""
     try:
         if importlib.import_module('numba').config.DISABLE_JIT:
             return None
-        return importlib.import_module('dvs_event_camera.pixels.crossings_numba')
+        return importlib.import_module('dvs_event_camera.pixels.pixel_kernels')
     except (ImportError, RuntimeError):
         return None
 
 
-def kernels_for(backend: str, size: int, *, worth: int) -> Any | None:
+def kernels_for(backend: str, size: int, *, worth: int = WORTH_COMPILING) -> Any | None:
     """Kernels for an amount of work, or None where NumPy is to do it.
 
     Parameters
@@ -32,7 +34,8 @@ def kernels_for(backend: str, size: int, *, worth: int) -> Any | None:
     size
         Amount of work.
     worth
-        Amount from which compiled code pays: importing numba takes a second.
+        Amount from which compiled code pays: importing numba takes a second, and compiling, once,
+        more.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from dvs_common.arrays import FloatArray
 from dvs_event_camera.pixels.comparators import NumpyComparator
 from dvs_event_camera.pixels.crossings import NO_EVENTS, RawEvents, ladder, quantise, stamp
 
-_ITERATIONS = 60
+ITERATIONS = 60
 
 
 class HermiteComparator(NumpyComparator):
@@ -42,9 +42,9 @@ class HermiteComparator(NumpyComparator):
         super().start_pixels(pixels, levels)
         self._older[pixels] = self._oldest[pixels] = 0.0
 
-    def begin(self, start_ns: int, duration_ns: int) -> None:
+    def begin(self, start_ns: int, duration_ns: int, luminosity: NDArray[np.generic]) -> None:
         """Start an interval; see `comparators.Comparator.begin`."""
-        super().begin(start_ns, duration_ns)
+        super().begin(start_ns, duration_ns, luminosity)
         self._durations = [duration_ns, *self._durations[:2]]
 
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
@@ -71,6 +71,7 @@ class HermiteComparator(NumpyComparator):
                 slopes[0][owner],
                 slopes[1][owner],
                 threshold - start[owner],
+                tolerance=tolerance_of(self._duration_ns),
             )
             events = RawEvents(
                 stamp(fraction * self._duration_ns, self._duration_ns),
@@ -123,8 +124,23 @@ def end_slopes(
     return np.clip(at_start, low, high), np.clip(at_end, low, high)
 
 
+def tolerance_of(duration_ns: int) -> float:
+    """Share of an interval to which a crossing is found: a thousandth of a nanosecond.
+
+    Parameters
+    ----------
+    duration_ns
+        Length of the interval, ns.
+    """
+    return max(1e-15, 1e-3 / duration_ns)
+
+
 def monotone_cubic_root(
-    rise: FloatArray, slope0: FloatArray, slope1: FloatArray, target: FloatArray
+    rise: FloatArray,
+    slope0: FloatArray,
+    slope1: FloatArray,
+    target: FloatArray,
+    tolerance: float = 1e-15,
 ) -> FloatArray:
     """Where in [0, 1] monotone cubics from 0 to `rise` pass `target`.
 
@@ -140,12 +156,14 @@ def monotone_cubic_root(
         Slope at 1, between 0 and ``3 rise``, shape (k,).
     target
         Value to find, between 0 and `rise`, shape (k,).
+    tolerance
+        Largest last step of the search.
     """
     d0, d1, goal = slope0 / rise, slope1 / rise, target / rise
     low, high = np.zeros_like(goal), np.ones_like(goal)
     s = np.clip(goal, 0.0, 1.0)
     active: NDArray[np.intp] = np.arange(goal.size)
-    for _ in range(_ITERATIONS):
+    for _ in range(ITERATIONS):
         x, b0, b1 = s[active], d0[active], d1[active]
         excess = x * (b0 + x * (3.0 - 2.0 * b0 - b1 + x * (b0 + b1 - 2.0))) - goal[active]
         high[active] = np.where(excess >= 0, x, high[active])
@@ -155,7 +173,7 @@ def monotone_cubic_root(
         inside = (slope > 0) & (guess > low[active]) & (guess < high[active])
         guess = np.where(inside, guess, 0.5 * (low[active] + high[active]))
         s[active] = guess
-        active = active[np.abs(guess - x) > 1e-15]
+        active = active[np.abs(guess - x) > tolerance]
         if not active.size:
             break
     return s

@@ -21,9 +21,18 @@ class Imperfections:
         has done meanwhile is told afterwards, at most one event a period, so no polarity is lost.
     leak_rate
         ON events a second of a pixel in constant light, 1/s: the reference leaks.
+    event_threshold_off
+        Threshold of OFF events, in logarithms to the base b; 0: that of ON events.
+    reset
+        What the reference becomes at an event. `ladder`: it moves by the threshold. `level`: the
+        present level, as in the sensor's circuit; a pixel that fires late (after a refractory
+        period, or a spurious event) does not tell what it has missed.
     shot_noise_rate
-        Spurious events a second of a pixel, ON and OFF alike, 1/s. The reference moves with them,
-        as in the sensor, so the pixel itself corrects the error later.
+        Spurious events a second of a pixel, ON and OFF alike, 1/s. The reference moves with them:
+        on the ladder the pixel undoes them at its next crossing, with `reset: level` it does not.
+    shot_noise_luminosity
+        Luminosity at which a quarter of the shot noise is left, linearly less on the way there, as
+        in v2e. 0: the same rate at every luminosity.
     cutoff_frequency
         Corner of the photoreceptor's first-order low-pass, Hz; 0: none.
     cutoff_luminosity
@@ -47,9 +56,12 @@ class Imperfections:
     """
 
     threshold_mismatch: float = 0.0
+    event_threshold_off: float = 0.0
+    reset: str = 'ladder'
     refractory_period: float = 0.0
     leak_rate: float = 0.0
     shot_noise_rate: float = 0.0
+    shot_noise_luminosity: float = 0.0
     cutoff_frequency: float = 0.0
     cutoff_luminosity: float = 0.0
     hot_pixel_fraction: float = 0.0
@@ -60,8 +72,12 @@ class Imperfections:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
+        if self.reset not in ('ladder', 'level'):
+            raise ParameterError('reset', self.reset, 'must be ladder or level')
         for entry in fields(self):
             value = getattr(self, entry.name)
+            if entry.name == 'reset':
+                continue
             if not 0 <= value < math.inf:
                 raise ParameterError(entry.name, value, 'must be >= 0 and finite')
             if entry.name.endswith('_fraction') and value > 1:
@@ -70,7 +86,14 @@ class Imperfections:
     @property
     def change_comparators(self) -> bool:
         """Whether the comparators are not those of ideal pixels."""
-        return (self.threshold_mismatch, self.refractory_period, self.shot_noise_rate) != (0, 0, 0)
+        return self.reset == 'level' or any(
+            (
+                self.event_threshold_off,
+                self.threshold_mismatch,
+                self.refractory_period,
+                self.shot_noise_rate,
+            )
+        )
 
     @property
     def change_levels(self) -> bool:

@@ -11,26 +11,27 @@ from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
-from dvs_event_camera.pixels.comparators import Comparator, NumpyComparator, ideal_comparator
+from dvs_event_camera.pixels.comparators import NumpyComparator
+from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.delay_line import DelayLine
+from dvs_event_camera.pixels.engine import NumpyPixels, PixelEngine
+from dvs_event_camera.pixels.engine_choice import PixelLaw, engine_of
 from dvs_event_camera.pixels.event_flood import EventFlood
-from dvs_event_camera.pixels.hermite import HermiteComparator
-from dvs_event_camera.pixels.imperfect_comparator import ImperfectComparator, NoiseLabels
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.level_stages import Leak, LevelStage, level_stages
+from dvs_event_camera.pixels.noise_labels import NoiseLabels
 from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photoreceptor
 from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.pixels.pixel_state import ImperfectState
 from dvs_event_camera.pixels.references import (
     initial_references,
     narrowed,
     reference_levels,
     require_silent_start,
 )
-from dvs_event_camera.pixels.signed_crossings import SignedComparator
 from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
 
-# Pixels worked on at a time, so that their levels stay in the processor's cache.
-_TILE = 32768
+MOST_THREADS = 64
 # Position of a level, in steps from its reference, at which a pixel is about to fire.
 _INSIDE = 1 - 1e-9
 
@@ -70,11 +71,13 @@ class PixelArray:
         Whether events carry labels that tell noise from signal.
     backend
         `numba`, `numpy` or `auto` (numba where it is installed and pays): same results.
+    threads
+        Threads that share the pixels by rows, where they are compiled: same results.
 
     Raises
     ------
     ParameterError
-        If h, b, the uncertainty or the kind of reference is out of range.
+        If h, b, the uncertainty, the kind of reference or the number of threads is out of range.
     """
 
     def __init__(
@@ -92,6 +95,7 @@ class PixelArray:
         imperfections: Imperfections | None = None,
         label_noise: bool = False,
         backend: str = 'auto',
+        threads: int = 1,
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
         self._event_threshold = event_threshold
@@ -99,6 +103,8 @@ class PixelArray:
         self._invalid_before = 0
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
         self._imperfections = imperfections or Imperfections()
+        off = self._imperfections.event_threshold_off
+        self._off_step = threshold_step(off, log_base) if off else self._step
         self._interpolation = interpolation
         self._label_noise = label_noise
         self._check_modes()
@@ -108,11 +114,14 @@ class PixelArray:
         self._strict_start = strict_start
         self._seed = seed
         self._backend = backend
+        if not 1 <= threads <= MOST_THREADS:
+            raise ParameterError('threads', threads, f'must be >= 1 and <= {MOST_THREADS}')
+        self._threads = threads
         self._stamp_ns: int | None = None
         self._bounds: ReferenceBounds
         self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
         self._silent_frame: list[float] | None = None
-        self._comparator: Comparator
+        self._engine: PixelEngine
 
     @property
     def stamp_ns(self) -> int | None:
@@ -122,7 +131,7 @@ class PixelArray:
     @property
     def counts(self) -> NDArray[np.int32]:
         """N, the sum of polarities given out since the first sample, shape (r,); a copy."""
-        counts = self._comparator.counts.copy()
+        counts = self._engine.counts.copy()
         if self._delay is not None:
             counts -= self._delay.held_counts(counts.size).astype(np.int32)
         return counts
@@ -130,7 +139,7 @@ class PixelArray:
     @property
     def signs(self) -> NDArray[np.int8]:
         """Sign s of every reference, shape (r,); a copy. All +1 but with `signed_log`."""
-        return self._comparator.signs.copy()
+        return self._engine.signs.copy()
 
     @property
     def event_threshold(self) -> float:
@@ -144,13 +153,13 @@ class PixelArray:
 
     @property
     def reference_levels(self) -> FloatArray:
-        """Level of every reference (log |q|), shape (r,)."""
-        return self._origin + self._comparator.counts * self._step
+        """Level of every reference (log |q|) of ideal pixels, shape (r,)."""
+        return self._origin + self._engine.counts * self._step
 
     @property
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
-        return self._invalid_before + self._comparator.invalid
+        return self._invalid_before + self._engine.invalid
 
     @property
     def waiting(self) -> NDArray[np.int64]:
@@ -192,15 +201,20 @@ class PixelArray:
         self.require_changeable_threshold()
         step = threshold_step(event_threshold, self._log_base)
         self._catch_up()
-        comparator = self._comparator
-        assert isinstance(comparator, NumpyComparator)
         origin = self.reference_levels
-        distance = (comparator.positions - comparator.counts) * self._step
-        position = np.clip(distance / step, -_INSIDE, _INSIDE)
-        self._invalid_before += comparator.invalid
-        self._origin, self._step = origin, step
+        position = np.clip(self._engine.distances() / step, -_INSIDE, _INSIDE)
+        self._invalid_before += self._engine.invalid
+        self._origin, self._step, self._off_step = origin, step, step
         self._event_threshold = event_threshold
-        self._comparator = ideal_comparator(self._backend, origin + position * step, origin, step)
+        self._engine = engine_of(
+            PixelLaw(photoreceptor=self._receptor, step=step),
+            origin,
+            origin + position * step,
+            origin,
+            backend=self._backend,
+            threads=self._threads,
+            from_levels=True,
+        )
         self._band = self._silent_band()
 
     def update(self, stamp_ns: int, luminosity: ArrayLike) -> PixelEvents:
@@ -231,7 +245,7 @@ class PixelArray:
         """
         sample = np.asarray(luminosity).reshape(-1)
         if self._stamp_ns is None:
-            self._start(sample.astype(np.float64))
+            self._start(sample)
             self._first_ns = self._exposed_ns = self._stamp_ns = stamp_ns
             return PixelEvents.empty()
         if sample.size != self._origin.size:
@@ -257,8 +271,9 @@ class PixelArray:
 
     def _start_waiting(self, stamp_ns: int, sample: NDArray[np.generic]) -> None:
         """Start the pixels that see their first light in this sample, at rest on it."""
-        light = self._receptor.floored(sample[self._waiting].astype(np.float64))
-        levels = self._receptor.levels(light.copy())
+        light = sample[self._waiting]
+        floored = self._receptor.floored(light.astype(np.float64))
+        levels = self._receptor.levels(floored)
         lit = np.isfinite(levels)
         if not lit.any():
             return
@@ -266,14 +281,13 @@ class PixelArray:
         pixels, light, levels = self._waiting[lit], light[lit], levels[lit]
         self._waiting = self._waiting[~lit]
         self._origin[pixels] = levels
-        started = narrowed(light, self._uncertainty, self._receptor, self._step)
+        started = narrowed(floored[lit], self._uncertainty, self._receptor, self._step)
         lower, upper = self._bounds.lower.copy(), self._bounds.upper.copy()
         lower[pixels], upper[pixels] = started.lower, started.upper
         self._bounds = ReferenceBounds(lower=lower, upper=upper)
         for stage in self._stages:
             stage.start_pixels(pixels, levels, stamp_ns - self._first_ns)
-        signed = self._receptor.dead_band is not None
-        self._comparator.start_pixels(pixels, light if signed else levels)
+        self._engine.start_pixels(pixels, light)
         self._band = self._silent_band()
 
     def _expose_small(
@@ -299,7 +313,8 @@ class PixelArray:
     def _silent_band(self) -> SilentBand | None:
         """Where these pixels are silent; None if they are many or not the ideal ones."""
         ideal = (
-            type(self._comparator) is NumpyComparator
+            isinstance(self._engine, NumpyPixels)
+            and type(self._engine.comparator) is NumpyComparator
             and isinstance(self._receptor, LogPhotoreceptor)
             and self._labels is None
             and self._delay is None
@@ -313,14 +328,8 @@ class PixelArray:
         """Events since the frame that the comparators saw last."""
         duration_ns = stamp_ns - self._exposed_ns
         elapsed_ns = stamp_ns - self._first_ns
-        self._comparator.begin(self._exposed_ns, duration_ns)
+        events = self._engine.expose(sample, self._exposed_ns, duration_ns, elapsed_ns)
         self._exposed_ns = stamp_ns
-        for first in range(0, sample.size, _TILE):
-            levels = self._tile_levels(sample[first : first + _TILE])
-            for stage in self._stages:
-                stage.apply(levels, first, elapsed_ns, duration_ns)
-            self._comparator.fire(levels, first)
-        events = self._comparator.finish()
         if self._labels is not None:
             leak = next((stage for stage in self._stages if isinstance(stage, Leak)), None)
             events = self._labels.label(events, leak.due(elapsed_ns) if leak else None)
@@ -328,8 +337,8 @@ class PixelArray:
             events = self._delay.pass_through(events, stamp_ns)
         return events
 
-    def _start(self, sample: FloatArray) -> None:
-        sample = self._receptor.floored(sample)
+    def _start(self, luminosity: NDArray[np.generic]) -> None:
+        sample = self._receptor.floored(luminosity.astype(np.float64))
         dark = ~np.isfinite(self._receptor.levels(sample.copy()))
         self._waiting = np.flatnonzero(dark)
         bounds = self._explicit_bounds
@@ -338,12 +347,11 @@ class PixelArray:
             stand_in = 1.0 + 2 * self._uncertainty if bounds is None else bounds.lower
             sample = np.where(dark, stand_in, sample)
         bounds = bounds or self._bounds_around(sample)
-        require_silent_start(bounds, sample, self._receptor, self._step)
+        require_silent_start(bounds, sample, self._receptor, min(self._step, self._off_step))
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
         self._origin = np.array(reference_levels(self._receptor, references))
-        self._build(sample)
-        self._scratch = np.empty(min(_TILE, sample.size))
+        self._build(luminosity, np.where(dark, self._origin, self._receptor.levels(sample)))
         self._band = self._silent_band()
 
     def _bounds_around(self, sample: FloatArray) -> ReferenceBounds:
@@ -367,39 +375,44 @@ class PixelArray:
             raise ParameterError(
                 'interpolation',
                 self._interpolation,
-                'must be linear_log with threshold_mismatch, refractory_period or shot_noise_rate',
+                'must be linear_log with event_threshold_off, reset: level, threshold_mismatch, '
+                'refractory_period or shot_noise_rate',
             )
 
-    def _build(self, sample: FloatArray) -> None:
-        """Make comparators, stages and delay line; every random draw has a stream of its own."""
+    def _build(self, luminosity: NDArray[np.generic], levels: FloatArray) -> None:
+        """Make engine, stages and delay line; every random draw has a stream of its own."""
         wanted = self._imperfections
         streams = [np.random.default_rng([self._seed, number]) for number in range(3)]
+        state = (
+            ImperfectState(self._origin, self._step, self._off_step, wanted, streams[0])
+            if wanted.change_comparators
+            else None
+        )
         self._stages: list[LevelStage] = []
-        band = self._receptor.dead_band
-        if band is not None:
-            self._comparator = SignedComparator(sample, self._origin, self._step, band)
-        else:
-            levels = self._receptor.levels(sample)
-            self._comparator = self._comparator_for(levels, streams[0])
-            if wanted.change_levels:
-                self._stages = level_stages(wanted, levels, self._step, streams[1])
-        self._labels = NoiseLabels.of(sample.size) if self._label_noise else None
+        if wanted.change_levels:
+            self._stages = level_stages(wanted, levels, self._step, streams[1])
+        law = PixelLaw(
+            photoreceptor=self._receptor,
+            step=self._step,
+            cubic=self._interpolation == 'hermite',
+            state=state,
+            stages=self._stages,
+        )
+        self._engine = engine_of(
+            law,
+            luminosity,
+            levels,
+            self._origin,
+            backend=self._backend,
+            threads=self._threads,
+        )
+        self._labels = (
+            NoiseLabels.of(levels.size, kernels_for(self._backend, levels.size))
+            if self._label_noise
+            else None
+        )
         self._delay = (
             DelayLine(wanted.latency * NANOSECONDS, wanted.jitter * NANOSECONDS, streams[2])
             if wanted.delay_events
             else None
         )
-
-    def _comparator_for(self, levels: FloatArray, rng: np.random.Generator) -> Comparator:
-        if self._imperfections.change_comparators:
-            return ImperfectComparator(levels, self._origin, self._step, self._imperfections, rng)
-        if self._interpolation == 'hermite':
-            return HermiteComparator(levels, self._origin, self._step)
-        return ideal_comparator(self._backend, levels, self._origin, self._step)
-
-    def _tile_levels(self, tile: NDArray[np.generic]) -> FloatArray:
-        scratch = self._scratch[: tile.size]
-        luminosity = np.asarray(tile, dtype=np.float64)
-        if self._receptor.dead_band is not None:
-            return luminosity
-        return self._receptor.levels(luminosity, out=scratch)

@@ -177,7 +177,7 @@ class SignedComparator:
         self._previous[pixels] = levels
         self.signs[pixels] = np.where(levels < 0, -1, 1)
 
-    def begin(self, start_ns: int, duration_ns: int) -> None:
+    def begin(self, start_ns: int, duration_ns: int, luminosity: NDArray[np.generic]) -> None:
         """Start an interval; see `comparators.Comparator.begin`."""
         self._start_ns, self._duration_ns = start_ns, duration_ns
         self._parts: list[RawEvents] = []

@@ -10,8 +10,6 @@ from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 from dvs_event_camera.streams.sensor_events import SensorEvents
 
-# Events from which the compiled packer pays.
-_WORTH_COMPILING = 4096
 _NOISE_OFFSET = 14
 
 
@@ -33,7 +31,7 @@ def records_of(
     backend
         `auto`, `numba` or `numpy`: the same records.
     """
-    kernels = kernels_for(backend, len(events), worth=_WORTH_COMPILING)
+    kernels = kernels_for(backend, len(events))
     if kernels is not None:
         words = np.empty((len(events), 2), np.uint64)
         kernels.pack_records(

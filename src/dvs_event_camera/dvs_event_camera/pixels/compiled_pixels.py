@@ -1,0 +1,326 @@
+"""Compiled pixels: one pass finds the pixels with news, and only these are worked on.
+
+Most pixels of most frames are silent. Each has a band of silent values, and a pass over the frame
+compares luminosities with it in the frame's own number type, without a logarithm. The logarithms
+of the pixels outside their bands are NumPy's, so that the events are those of `NumpyPixels`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import reduce
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dvs_common.arrays import FloatArray
+from dvs_event_camera.pixels.crossings import CountArray
+from dvs_event_camera.pixels.engine import TILE
+from dvs_event_camera.pixels.event_flood import require_bounded
+from dvs_event_camera.pixels.firing import Firing, Interval
+from dvs_event_camera.pixels.level_stages import LevelStage
+from dvs_event_camera.pixels.photoreceptor import InvertiblePhotoreceptor, Photoreceptor
+from dvs_event_camera.pixels.pixel_events import KEY_BITS, PixelEvents
+
+# Events up to which counting digits takes longer than comparing.
+_FEW = 256
+_UNSIGNED = ('u1', 'u2')
+_FLOATS = ('f4', 'f8')
+
+
+@dataclass(slots=True)
+class _Strip:
+    """Some rows of the array, and what one thread needs to work on them."""
+
+    pixels: slice
+    mask: NDArray[np.uint8]
+    found: NDArray[np.int32]
+    keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(1024, np.int64))
+    used: int = 0
+    invalid: int = 0
+
+    @classmethod
+    def of(cls, first: int, last: int) -> _Strip:
+        padded = (last - first + 15) // 8 * 8
+        return cls(slice(first, last), np.zeros(padded, np.uint8), np.zeros(padded, np.int32))
+
+
+class CompiledPixels:
+    """The same events as `NumpyPixels`, bit for bit.
+
+    Parameters
+    ----------
+    luminosity
+        First sample, shape (r,).
+    photoreceptor
+        How luminosity becomes a level.
+    origin
+        Levels of the first references, shape (r,).
+    firing
+        What a pixel does that has news.
+    stages
+        What happens to a level before it is compared.
+    kernels
+        Module `pixel_kernels`.
+    threads
+        Threads that share the pixels.
+    levels
+        Levels to start from instead of those of `luminosity`, shape (r,).
+    """
+
+    def __init__(
+        self,
+        luminosity: NDArray[np.generic],
+        photoreceptor: Photoreceptor,
+        origin: FloatArray,
+        firing: Firing,
+        stages: Sequence[LevelStage],
+        kernels: Any,
+        threads: int = 1,
+        levels: FloatArray | None = None,
+    ) -> None:
+        self.signs = np.broadcast_to(np.int8(1), origin.size)
+        self._receptor, self._origin, self._firing = photoreceptor, origin, firing
+        self._stages, self._kernels = stages, kernels
+        # The signal that is compared and remembered: the luminosity where that is enough.
+        self._inverse = (
+            photoreceptor
+            if isinstance(photoreceptor, InvertiblePhotoreceptor) and not stages and levels is None
+            else None
+        )
+        if levels is not None:
+            signal = levels
+        elif self._inverse is None:
+            signal = self._light_levels(luminosity.astype(np.float64))
+        else:
+            signal = luminosity.astype(_signal_type(luminosity.dtype))
+        self._signals = [signal.copy() for _ in range(firing.samples)]
+        self._pixel_bits = max(1, (origin.size - 1).bit_length())
+        cuts = np.linspace(0, origin.size, max(1, min(threads, origin.size)) + 1).astype(int)
+        # Cache lines of the state belong to one thread.
+        cuts[1:-1] = cuts[1:-1] // 64 * 64
+        self._strips = [_Strip.of(int(a), int(b)) for a, b in pairwise(cuts)]
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._forget_bands()
+
+    @property
+    def counts(self) -> CountArray:
+        """N, the sum of polarities so far, shape (r,)."""
+        return self._firing.counts
+
+    @property
+    def invalid(self) -> int:
+        """Pixel samples without meaning so far."""
+        return sum(strip.invalid for strip in self._strips)
+
+    def distances(self) -> FloatArray:
+        """How far levels lie above references; see `engine.PixelEngine.distances`."""
+        levels = self._levels_of(self._signals[0].astype(np.float64))
+        lit = np.isfinite(levels)
+        return self._firing.distances(np.where(lit, levels, self._origin))
+
+    def start_pixels(self, pixels: NDArray[np.int64], luminosity: NDArray[np.generic]) -> None:
+        """Start pixels; see `engine.PixelEngine.start_pixels`."""
+        signal: NDArray[Any] = luminosity
+        if self._inverse is None:
+            signal = self._light_levels(luminosity.astype(np.float64))
+        for samples in self._signals:
+            samples[pixels] = signal
+        self._firing.start_pixels(pixels)
+        self._low[pixels], self._high[pixels] = 1, 0
+
+    def expose(
+        self, luminosity: NDArray[np.generic], start_ns: int, duration_ns: int, elapsed_ns: int
+    ) -> PixelEvents:
+        """Events of an interval; see `engine.PixelEngine.expose`."""
+        luminosity = luminosity.astype(_signal_type(luminosity.dtype), copy=False)
+        self._adopt(luminosity.dtype)
+        shift = self._pixel_bits + 2
+        if duration_ns.bit_length() + shift > KEY_BITS:
+            shift = 0
+        interval = Interval(
+            start_ns=start_ns, duration_ns=duration_ns, elapsed_ns=elapsed_ns, shift=shift
+        )
+        noisy = self._firing.begin(interval, luminosity)
+        self._low[noisy], self._high[noisy] = 1, 0
+        self._signals = [self._signals[-1], *self._signals[:-1]]
+        luminosity = np.ascontiguousarray(luminosity)
+        if self._pool is None:
+            self._work(self._strips[0], luminosity, interval)
+            return self._collected(interval)
+        jobs = [
+            self._pool.submit(self._work, strip, luminosity, interval) for strip in self._strips
+        ]
+        for job in jobs:
+            job.result()
+        return self._collected(interval)
+
+    def _work(self, strip: _Strip, luminosity: NDArray[np.generic], interval: Interval) -> None:
+        number = self._find(strip, luminosity, interval)
+        strip.used = 0
+        if number:
+            self._fire(strip, strip.found[:number], interval)
+        if interval.shift:
+            self._sort(strip.keys[: strip.used], interval)
+
+    def _sort(self, keys: NDArray[np.int64], interval: Interval) -> None:
+        """Put the events of one strip in order; they come pixel by pixel."""
+        if keys.size < _FEW:
+            keys.sort()
+            return
+        last_bit = interval.shift + interval.duration_ns.bit_length()
+        self._kernels.radix_sort(keys, np.empty_like(keys), interval.shift, last_bit)
+
+    def _find(self, strip: _Strip, luminosity: NDArray[np.generic], interval: Interval) -> int:
+        """Write down the new signal; number of pixels outside their bands."""
+        first, last = strip.pixels.start, strip.pixels.stop
+        number = 0
+        # Levels are computed tile by tile; a luminosity is compared as it is.
+        length = TILE if self._inverse is None else max(last - first, 1)
+        for begin in range(first, last, length):
+            tile = slice(begin, min(begin + length, last))
+            signal: NDArray[Any] = luminosity[tile]
+            if self._inverse is None:
+                signal = self._light_levels(np.asarray(signal, np.float64))
+                for stage in self._stages:
+                    stage.apply(signal, begin, interval.elapsed_ns, interval.duration_ns)
+            strip.mask[signal.size : signal.size + 8] = 0
+            number = self._kernels.find_news(
+                signal,
+                self._low[tile],
+                self._high[tile],
+                self._signals[0][tile],
+                strip.mask,
+                begin,
+                strip.found,
+                number,
+            )
+        return int(number)
+
+    def _fire(self, strip: _Strip, found: NDArray[np.int32], interval: Interval) -> None:
+        levels = []
+        for samples in self._signals:
+            values = np.empty(found.size)
+            self._kernels.gather(samples, found, values)
+            levels.append(self._levels_of(values))
+        strip.invalid += self._kernels.hold_invalid(
+            found, levels[0], levels[1], self._signals[0], self._signals[1], self._origin
+        )
+        edges = np.empty((2, found.size))
+        place = 0
+        while place < found.size:
+            place, strip.used, needed = self._firing.fire(
+                place, found, levels, interval, strip.keys, strip.used, edges
+            )
+            if place < found.size:
+                require_bounded(needed)
+                strip.keys = _grown(strip.keys, needed, interval.shift)
+        self._store_borders(found, edges)
+
+    def _store_borders(self, found: NDArray[np.int32], edges: FloatArray) -> None:
+        kernels = self._kernels
+        if self._inverse is None:
+            kernels.store_level_borders(found, *edges, self._low, self._high)
+            return
+        borders = self._inverse.luminosity(edges)
+        if self._low.dtype.kind == 'f':
+            kernels.store_float_borders(found, *borders, self._low, self._high)
+        else:
+            largest = float(2 ** (8 * self._low.itemsize) - 1)
+            kernels.store_integer_borders(found, *borders, self._low, self._high, largest)
+
+    def _collected(self, interval: Interval) -> PixelEvents:
+        """Events of all strips in order."""
+        parts = [strip.keys[: strip.used * (1 if interval.shift else 2)] for strip in self._strips]
+        if not interval.shift:
+            return _from_words(np.concatenate(parts), interval.start_ns, self._firing.labels)
+        keys = reduce(self._merged, parts)
+        events = PixelEvents(
+            t=np.empty(keys.size, np.int64),
+            pixel=np.empty(keys.size, np.int32),
+            polarity=np.empty(keys.size, np.int8),
+            sign=np.ones(keys.size, np.int8),
+            noise=np.empty(keys.size, np.int8),
+        )
+        columns = (events.t, events.pixel, events.polarity, events.noise)
+        self._unpack(keys, interval, columns)
+        return events if self._firing.labels else events.unlabelled()
+
+    def _merged(self, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+        out = np.empty(one.size + other.size, np.int64)
+        if self._pool is None or out.size < TILE:
+            self._kernels.merge(one, other, out)
+            return out
+        # Two threads take the earlier and the later half.
+        half = one.size // 2
+        cut = int(np.searchsorted(other, one[half])) if one.size else 0
+        ahead = self._pool.submit(self._kernels.merge, one[:half], other[:cut], out[: half + cut])
+        self._kernels.merge(one[half:], other[cut:], out[half + cut :])
+        ahead.result()
+        return out
+
+    def _unpack(
+        self, keys: NDArray[np.int64], interval: Interval, columns: Sequence[NDArray[Any] | None]
+    ) -> None:
+        def part(which: slice) -> None:
+            chosen = [column[which] for column in columns if column is not None]
+            self._kernels.unpack_keys(keys[which], interval.start_ns, interval.shift, *chosen)
+
+        if self._pool is None or keys.size < TILE:
+            part(slice(None))
+            return
+        half = keys.size // 2
+        ahead = self._pool.submit(part, slice(half))
+        part(slice(half, None))
+        ahead.result()
+
+    def _light_levels(self, luminosity: FloatArray) -> FloatArray:
+        return self._receptor.levels(luminosity, out=np.empty_like(luminosity))
+
+    def _levels_of(self, signal: FloatArray) -> FloatArray:
+        return signal if self._inverse is None else self._receptor.levels(signal, out=signal)
+
+    def _adopt(self, dtype: np.dtype[Any]) -> None:
+        """Remember samples in a type that holds the new ones too."""
+        if self._inverse is None or np.can_cast(dtype, self._signals[0].dtype):
+            return
+        self._signals = [samples.astype(np.float64) for samples in self._signals]
+        self._forget_bands()
+
+    def _forget_bands(self) -> None:
+        """No pixel is silent until it has been worked on once."""
+        dtype: np.dtype[Any] = self._signals[0].dtype
+        if self._inverse is not None and dtype.kind == 'f':
+            dtype = np.dtype(np.float32)
+        size = self._origin.size
+        self._low, self._high = np.ones(size, dtype), np.zeros(size, dtype)
+
+
+def _signal_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    known = dtype.str[1:] in (*_UNSIGNED, *_FLOATS)
+    return dtype.newbyteorder('=') if known else np.dtype(np.float64)
+
+
+def _grown(keys: NDArray[np.int64], needed: int, shift: int) -> NDArray[np.int64]:
+    words = needed if shift else 2 * needed
+    larger = np.empty(max(words, 2 * keys.size), np.int64)
+    larger[: keys.size] = keys
+    return larger
+
+
+def _from_words(words: NDArray[np.int64], start_ns: int, labelled: bool) -> PixelEvents:
+    """Events of an interval so long that no key holds its times."""
+    elapsed, low = words.reshape(-1, 2).T
+    order = np.lexsort((low, elapsed))
+    elapsed, low = elapsed[order], low[order]
+    return PixelEvents(
+        t=elapsed + start_ns,
+        pixel=(low >> 2).astype(np.int32),
+        polarity=((low & 2) - 1).astype(np.int8),
+        sign=np.ones(low.size, np.int8),
+        noise=(low & 1).astype(np.int8) if labelled else None,
+    )
