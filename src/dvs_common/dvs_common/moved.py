@@ -36,7 +36,7 @@ dvs_closed_loop.paper dvs_simulation.paper published report
 dvs_closed_loop.paper dvs_simulation.paper reproduce story table
 dvs_closed_loop.sweep dvs_simulation.sweep certificate pixels random_loops runner study
 dvs_closed_loop.sweep dvs_simulation.sweep sweep_figures table threshold
-dvs_event_camera dvs_event_camera.pixels comparators compiled crossings crossings_numba delay_line
+dvs_event_camera dvs_event_camera.pixels comparators compiled crossings delay_line
 dvs_event_camera dvs_event_camera.pixels hermite
 dvs_event_camera dvs_event_camera.pixels imperfect_comparator imperfections level_stages
 dvs_event_camera dvs_event_camera.pixels photoreceptor pixel_array
@@ -60,6 +60,7 @@ dvs_interfaces dvs_common.scenario model parameters reference_bounds scenario sc
 dvs_interfaces dvs_common.wire cdr events keyframe messages stamped topics
 """
 _RENAMED = {
+    'dvs_event_camera.crossings_numba': 'dvs_event_camera.pixels.pixel_kernels',
     'dvs_closed_loop.bag_recorder_node': 'dvs_closed_loop.bags.bag_recorder',
     'dvs_closed_loop.dashboard_node': 'dvs_closed_loop.dashboard.dashboard_listener',
     'dvs_closed_loop.tool_node': 'dvs_closed_loop.running.tool',

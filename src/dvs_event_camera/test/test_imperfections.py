@@ -165,6 +165,65 @@ def test_polarity_of_shot_noise_is_even_where_it_is_not_undone():
     assert np.mean(first.polarity) == pytest.approx(0.0, abs=0.05)
 
 
+def test_thresholds_of_on_and_off_are_apart():
+    array = array_with(0.1, event_threshold_off=0.25)
+    events = run(array, [0, MS, 2 * MS], np.exp([[0.0], [1.05], [0.05]]))
+    assert events.polarity.tolist() == [1] * 10 + [-1] * 3
+    # From a reference of 1.0 the level falls by 0.25 a time.
+    expected = MS + (1.05 - (1.0 - 0.25 * np.arange(1, 4))) * MS
+    assert np.allclose(events.t[10:], expected, atol=2)
+
+
+def test_physical_reset_takes_the_present_level_and_tells_no_more():
+    frames = np.exp([[0.0], [0.35], [0.35], [0.35], [0.44], [0.46]])
+    stamps = [0, MS, 10 * MS, 20 * MS, 21 * MS, 22 * MS]
+    ladder, level = (
+        run(array_with(0.1, refractory_period=2.5e-3, reset=reset), stamps, frames)
+        for reset in ('ladder', 'level')
+    )
+    assert len(ladder) == 4
+    # The second event comes at the end of the pause and settles all that was missed: 0.35.
+    first = math.ceil(0.1 / 0.35 * MS)
+    assert level.t.tolist()[:2] == [first, first + 2_500_000]
+    assert level.t[2:].tolist() == [pytest.approx(21.5 * MS, abs=2)]
+
+
+def test_spurious_event_of_a_physical_reset_is_not_undone():
+    size, h = 2000, 0.1
+    array = array_with(h, shot_noise_rate=5.0, reset='level', label_noise=True)
+    events = run(array, np.arange(11) * 100 * MS, np.ones((11, size)))
+    assert len(events) / (size * 5.0) == pytest.approx(1.0, rel=0.03)
+    assert np.all(events.noise == 1)
+    # The sums walk at random, and the next event comes a whole threshold from the present level.
+    assert np.var(net(events, size)) == pytest.approx(5.0, rel=0.1)
+    moved = array.update(2000 * MS, np.full(size, math.exp(0.15)))
+    assert np.count_nonzero(moved.noise == 0) > 0.9 * size * math.exp(-5.0)
+
+
+def test_leak_of_a_physical_reset_is_labelled_and_signal_is_not():
+    size, rate = 300, 2.0
+    array = array_with(leak_rate=rate, reset='level', label_noise=True)
+    still = run(array, np.arange(0, 1001) * 10 * MS, np.ones((1001, size)))
+    assert np.mean(still.noise) > 0.99
+    assert len(still) == pytest.approx(rate * 10 * size, rel=0.06)
+    moved = array.update(10_001 * MS, np.full(size, math.exp(0.95)))
+    assert np.mean(moved.noise) < 0.12
+
+
+@pytest.mark.parametrize('backend', ['numpy', 'numba'])
+def test_shot_noise_falls_to_a_quarter_in_bright_light(backend):
+    if backend == 'numba':
+        pytest.importorskip('numba')
+    size = 6000
+    wanted = Imperfections(shot_noise_rate=10.0, shot_noise_luminosity=100.0, reset='level')
+    array = PixelArray(event_threshold=0.1, imperfections=wanted, backend=backend)
+    light = np.repeat([1e-3, 50.0, 100.0, 1000.0], size // 4)
+    array.update(0, light)
+    pixel = array.update(10**9, light).pixel
+    found = np.bincount(pixel // (size // 4), minlength=4) / (size // 4)
+    assert found == pytest.approx([10.0, 6.25, 2.5, 2.5], rel=0.08)
+
+
 @given(st.integers(0, 1000))
 @settings(max_examples=15, deadline=None)
 def test_events_not_labelled_as_noise_add_up_to_the_true_change(seed):
@@ -281,7 +340,12 @@ def test_everything_is_reproducible_and_follows_the_seed():
 
 @pytest.mark.parametrize(
     ('field', 'value'),
-    [('leak_rate', -1.0), ('dead_pixel_fraction', 1.5), ('jitter', math.nan)],
+    [
+        ('leak_rate', -1.0),
+        ('dead_pixel_fraction', 1.5),
+        ('jitter', math.nan),
+        ('reset', 'often'),
+    ],
 )
 def test_ranges_are_checked(field, value):
     with pytest.raises(ParameterError, match=field):

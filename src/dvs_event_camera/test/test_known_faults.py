@@ -176,6 +176,46 @@ def test_check_passes_ours_and_fails_a_copy_of_the_fault(check, right, faulty):
     assert not check(faulty)
 
 
+@pytest.mark.parametrize(
+    ('imperfections', 'within'),
+    [
+        ({}, 1),
+        ({'reset': 'level'}, 1),
+        ({'refractory_period': 3e-3}, 1),
+        ({'event_threshold_off': 0.1}, 1),
+        ({'shot_noise_rate': 50.0}, 1),
+        ({'cutoff_frequency': 100.0}, 1),
+        ({'latency': 2e-3, 'jitter': 1e-3}, 1),
+        ({'leak_rate': 1e-9, 'hot_pixel_fraction': 0.0}, 1),
+        ({'threshold_mismatch': 1e-6}, 1.01),
+    ],
+)
+@pytest.mark.parametrize('end', [2.0, -2.0])
+def test_polarities_times_threshold_are_the_true_change_of_the_logarithm(
+    imperfections, within, end
+):
+    stamps = np.arange(0, 600) * MS
+    levels = np.sign(end) * np.minimum(stamps / (20 * MS), 2.0)  # 2.0 in 40 ms, then a pause
+    _, polarity = ours(**imperfections)(stamps, levels)
+    assert abs(polarity.sum() * H - end) < within * H + 1e-9
+
+
+def test_unequal_thresholds_weigh_their_own_polarities():
+    stamps = np.arange(0, 400) * MS
+    levels = np.sin(stamps * 2e-8) * 2.0
+    _, polarity = ours(event_threshold_off=0.25)(stamps, levels)
+    change = H * np.count_nonzero(polarity > 0) - 0.25 * np.count_nonzero(polarity < 0)
+    assert -H < change - levels[-1] < 0.25
+
+
+def test_pause_of_a_physical_reset_loses_change_as_the_circuit_does():
+    stamps = np.arange(0, 600) * MS
+    levels = np.minimum(stamps / (20 * MS), 2.0)
+    _, polarity = ours(refractory_period=10e-3, reset='level')(stamps, levels)
+    # One event every 10 ms and one at the very end, however far the light has gone meanwhile.
+    assert 4 <= polarity.sum() <= 6
+
+
 def test_misspelt_parameters_are_refused_with_a_hint():
     with pytest.raises(ParameterError, match='did you mean refractory_period'):
         SCHEMA.validate({'refractory_peroid': 1e-3})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,10 +21,19 @@ class DelayLine:
         Standard deviation of the delay, ns; no delay is negative.
     rng
         Draws the jitter.
+    kernels
+        Module `pixel_kernels`, or None.
     """
 
-    def __init__(self, latency_ns: float, jitter_ns: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        latency_ns: float,
+        jitter_ns: float,
+        rng: np.random.Generator,
+        kernels: Any = None,
+    ) -> None:
         self._latency_ns, self._jitter_ns, self._rng = latency_ns, jitter_ns, rng
+        self._kernels = kernels
         self._held = PixelEvents.empty()
 
     def pass_through(self, events: PixelEvents, stamp_ns: int) -> PixelEvents:
@@ -37,7 +48,7 @@ class DelayLine:
         """
         delay = self._latency_ns + self._jitter_ns * self._rng.standard_normal(len(events))
         late = events.delayed(np.rint(np.maximum(delay, 0.0)).astype(np.int64))
-        waiting = PixelEvents.merged(self._held, late)
+        waiting = PixelEvents.merged(self._held, late, self._kernels)
         due = int(np.searchsorted(waiting.t, stamp_ns, side='right'))
         self._held = waiting.take(slice(due, None))
         return waiting.take(slice(0, due))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
-from dvs_common.nanoseconds import as_seconds
+from dvs_common.nanoseconds import NANOSECONDS, as_seconds
 from dvs_event_camera.pixels.imperfections import Imperfections
 
 _DARKEST_CUTOFF = 0.1
@@ -107,21 +107,27 @@ class Leak:
     """
 
     def __init__(self, rates: FloatArray, step: float, rng: np.random.Generator) -> None:
-        self._rates = rates
+        self.rates = rates
         self._step = step
         self._phase = np.where(rates > 0, rng.random(rates.size), 0.0)
 
     def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
         """Begin to leak; see `LevelStage.start_pixels`."""
-        self._phase[pixels] -= self._rates[pixels] * as_seconds(elapsed_ns)
+        self._phase[pixels] -= self.rates[pixels] * as_seconds(elapsed_ns)
 
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int
     ) -> None:
         """Leak; see `LevelStage.apply`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        leaked = self._phase[tile] + self._rates[tile] * as_seconds(elapsed_ns)
+        leaked = self._phase[tile] + self.rates[tile] * as_seconds(elapsed_ns)
         levels += self._step * leaked
+
+    def ahead_ns(self) -> NDArray[np.int64]:
+        """Time by which each pixel has leaked at the first sample already, ns, shape (r,)."""
+        leaks = self.rates > 0
+        seconds = np.divide(self._phase, self.rates, out=np.zeros(leaks.size), where=leaks)
+        return (seconds * NANOSECONDS).astype(np.int64)
 
     def due(self, elapsed_ns: int) -> NDArray[np.int64]:
         """ON events that leakage alone has caused since the first sample, shape (r,).
@@ -132,7 +138,7 @@ class Leak:
             Time since the first sample, ns.
         """
         # The margin is for a pixel in constant light, whose event comes at the very instant.
-        leaked = self._phase + self._rates * as_seconds(elapsed_ns)
+        leaked = self._phase + self.rates * as_seconds(elapsed_ns)
         return np.floor(leaked + 1e-6).astype(np.int64)
 
 

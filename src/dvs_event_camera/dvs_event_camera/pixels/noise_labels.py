@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.nanoseconds import as_seconds
+from dvs_event_camera.pixels.level_stages import Leak
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 IndexArray = NDArray[np.int64]
@@ -50,17 +52,24 @@ class NoiseLabels:
         """
         return cls(np.zeros(pixel_count, np.int64), np.zeros(pixel_count, np.int64), kernels)
 
-    def label(self, events: PixelEvents, leaked: IndexArray | None) -> PixelEvents:
+    def label(
+        self, events: PixelEvents, leak: Leak | None, stamp_ns: int, elapsed_ns: int
+    ) -> PixelEvents:
         """Label the events of an interval.
 
         Parameters
         ----------
         events
             Events with spurious ones labelled already.
-        leaked
-            ON events due to leakage by the end of the interval, shape (r,); None without leak.
+        leak
+            What leaks, if anything does.
+        stamp_ns
+            End of the interval, ns.
+        elapsed_ns
+            Time from the first sample to then, ns.
         """
-        if leaked is not None:
+        if leak is not None:
+            leaked = leak.due(elapsed_ns)
             self.owed += leaked - self.leaked
             self.leaked = leaked
         noise = np.zeros(len(events), np.int8) if events.noise is None else events.noise.copy()
@@ -85,3 +94,45 @@ class NoiseLabels:
         pays = ~spurious & (self.owed[pixel] * polarity > 0)
         noise[index[pays]] = 1
         self.owed[pixel[spurious | pays]] -= polarity[spurious | pays]
+
+
+class LevelNoiseLabels:
+    """The same for pixels with `reset: level`, which owe nothing: an event settles everything.
+
+    A spurious event is noise, and so is an ON event before which the pixel has leaked by more than
+    half a threshold since its last event.
+    """
+
+    def __init__(self) -> None:
+        self._last_ns: IndexArray | None = None
+
+    def label(
+        self, events: PixelEvents, leak: Leak | None, stamp_ns: int, elapsed_ns: int
+    ) -> PixelEvents:
+        """Label the events of an interval; see `NoiseLabels.label`.
+
+        Parameters
+        ----------
+        events
+            Events with spurious ones labelled already.
+        leak
+            What leaks, if anything does.
+        stamp_ns
+            End of the interval, ns.
+        elapsed_ns
+            Time from the first sample to then, ns.
+        """
+        noise = np.zeros(len(events), np.int8) if events.noise is None else events.noise.copy()
+        if leak is None or not len(events):
+            return events.labelled(noise)
+        if self._last_ns is None:
+            # The first events come sooner by the phases of the leak.
+            self._last_ns = stamp_ns - elapsed_ns - leak.ahead_ns()
+        order = np.argsort(events.pixel, kind='stable')
+        pixel, t = events.pixel[order], events.t[order]
+        first = np.r_[True, pixel[1:] != pixel[:-1]]
+        since = t - np.where(first, self._last_ns[pixel], np.r_[0, t[:-1]])
+        self._last_ns[pixel[np.r_[first[1:], True]]] = t[np.r_[first[1:], True]]
+        leaked = leak.rates[pixel] * as_seconds(since) > 0.5
+        noise[order[leaked & (events.polarity[order] > 0)]] = 1
+        return events.labelled(noise)

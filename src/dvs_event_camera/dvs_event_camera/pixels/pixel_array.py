@@ -19,7 +19,7 @@ from dvs_event_camera.pixels.engine_choice import PixelLaw, engine_of
 from dvs_event_camera.pixels.event_flood import EventFlood
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.level_stages import Leak, LevelStage, level_stages
-from dvs_event_camera.pixels.noise_labels import NoiseLabels
+from dvs_event_camera.pixels.noise_labels import LevelNoiseLabels, NoiseLabels
 from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photoreceptor
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 from dvs_event_camera.pixels.pixel_state import ImperfectState
@@ -31,7 +31,7 @@ from dvs_event_camera.pixels.references import (
 )
 from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
 
-MOST_THREADS = 64
+_MOST_THREADS = 64
 # Position of a level, in steps from its reference, at which a pixel is about to fire.
 _INSIDE = 1 - 1e-9
 
@@ -99,24 +99,18 @@ class PixelArray:
     ) -> None:
         self._step = threshold_step(event_threshold, log_base)
         self._event_threshold = event_threshold
-        self._log_base = log_base
-        self._invalid_before = 0
+        self._log_base, self._invalid_before = log_base, 0
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
         self._imperfections = imperfections or Imperfections()
         off = self._imperfections.event_threshold_off
         self._off_step = threshold_step(off, log_base) if off else self._step
         self._interpolation = interpolation
         self._label_noise = label_noise
-        self._check_modes()
-        self._explicit_bounds = bounds
-        self._uncertainty = reference_uncertainty
-        self._initial_reference = initial_reference
-        self._strict_start = strict_start
+        self._explicit_bounds, self._uncertainty = bounds, reference_uncertainty
+        self._initial_reference, self._strict_start = initial_reference, strict_start
         self._seed = seed
-        self._backend = backend
-        if not 1 <= threads <= MOST_THREADS:
-            raise ParameterError('threads', threads, f'must be >= 1 and <= {MOST_THREADS}')
-        self._threads = threads
+        self._backend, self._threads = backend, threads
+        self._check_modes()
         self._stamp_ns: int | None = None
         self._bounds: ReferenceBounds
         self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
@@ -332,7 +326,7 @@ class PixelArray:
         self._exposed_ns = stamp_ns
         if self._labels is not None:
             leak = next((stage for stage in self._stages if isinstance(stage, Leak)), None)
-            events = self._labels.label(events, leak.due(elapsed_ns) if leak else None)
+            events = self._labels.label(events, leak, stamp_ns, elapsed_ns)
         if self._delay is not None:
             events = self._delay.pass_through(events, stamp_ns)
         return events
@@ -360,6 +354,8 @@ class PixelArray:
         return narrowed(sample, self._uncertainty, self._receptor, self._step)
 
     def _check_modes(self) -> None:
+        if not 1 <= self._threads <= _MOST_THREADS:
+            raise ParameterError('threads', self._threads, f'must be >= 1 and <= {_MOST_THREADS}')
         if self._interpolation not in ('linear_log', 'hermite'):
             raise ParameterError(
                 'interpolation', self._interpolation, 'must be linear_log or hermite'
@@ -406,13 +402,16 @@ class PixelArray:
             backend=self._backend,
             threads=self._threads,
         )
-        self._labels = (
-            NoiseLabels.of(levels.size, kernels_for(self._backend, levels.size))
-            if self._label_noise
-            else None
-        )
+        kernels = kernels_for(self._backend, levels.size)
+        self._labels: NoiseLabels | LevelNoiseLabels | None = None
+        if self._label_noise and wanted.reset == 'level':
+            self._labels = LevelNoiseLabels()
+        elif self._label_noise:
+            self._labels = NoiseLabels.of(levels.size, kernels)
         self._delay = (
-            DelayLine(wanted.latency * NANOSECONDS, wanted.jitter * NANOSECONDS, streams[2])
+            DelayLine(
+                wanted.latency * NANOSECONDS, wanted.jitter * NANOSECONDS, streams[2], kernels
+            )
             if wanted.delay_events
             else None
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,23 +75,29 @@ class PixelEvents:
         return replace(self, noise=None)
 
     def delayed(self, delay_ns: NDArray[np.int64]) -> PixelEvents:
-        """Events later by `delay_ns`, put in order again.
+        """Events later by `delay_ns`, out of order.
 
         Parameters
         ----------
         delay_ns
             Delay of each event, ns, shape (k,).
         """
-        late = replace(self, t=self.t + delay_ns)
-        return late.in_order()
+        return replace(self, t=self.t + delay_ns)
 
-    def in_order(self) -> PixelEvents:
-        """The same events in the order of (t, pixel, polarity)."""
+    def in_order(self, kernels: Any = None) -> PixelEvents:
+        """The same events in the order of (t, pixel, polarity).
+
+        Parameters
+        ----------
+        kernels
+            Module `pixel_kernels`, or None.
+        """
         if not len(self):
             return self
         base = int(self.t.min())
         shift = max(1, int(self.pixel.max()).bit_length()) + 3
-        if (int(self.t.max()) - base).bit_length() + shift > KEY_BITS:
+        bits = (int(self.t.max()) - base).bit_length() + shift
+        if bits > KEY_BITS:
             return self.take(np.lexsort((self.polarity, self.pixel, self.t)))
         # As in `sorted_from`: integers that hold whole events sort several times as fast.
         keys = self.t - base << shift
@@ -99,7 +106,10 @@ class PixelEvents:
         keys |= (self.sign < 0).astype(np.int64) << 1
         if self.noise is not None:
             keys |= self.noise
-        keys.sort()
+        if kernels is None:
+            keys.sort()
+        else:
+            kernels.radix_sort(keys, np.empty_like(keys), 0, bits)
         low = keys & ((1 << shift) - 1)
         return PixelEvents(
             t=(keys >> shift) + base,
@@ -120,18 +130,18 @@ class PixelEvents:
         return replace(self, noise=noise)
 
     @staticmethod
-    def merged(one: PixelEvents, other: PixelEvents) -> PixelEvents:
+    def merged(one: PixelEvents, other: PixelEvents, kernels: Any = None) -> PixelEvents:
         """Events of both in order; labelled if the non-empty ones are.
 
         Parameters
         ----------
-        one
-            Sorted events.
-        other
-            Sorted events.
+        one, other
+            Events in any order.
+        kernels
+            Module `pixel_kernels`, or None.
         """
         if not len(one) or not len(other):
-            return one if len(one) else other
+            return (one if len(one) else other).in_order(kernels)
         labels = [part.noise for part in (one, other) if part.noise is not None]
         both = PixelEvents(
             t=np.concatenate([one.t, other.t]),
@@ -140,7 +150,7 @@ class PixelEvents:
             sign=np.concatenate([one.sign, other.sign]),
             noise=np.concatenate(labels) if len(labels) == 2 else None,
         )
-        return both.in_order()
+        return both.in_order(kernels)
 
     @classmethod
     def sorted_from(

@@ -1,0 +1,337 @@
+"""Compiled pixels: the events of those that have news."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dvs_event_camera.pixels.event_flood import MOST_STEPS as _MOST_STEPS
+from dvs_event_camera.pixels.kernel_cache import kernel
+
+_NEVER = np.iinfo(np.int64).max // 4
+# Keeps a border away from its threshold by far more than a logarithm is rounded.
+_MARGIN = 1e-12
+
+
+@kernel
+def _put(keys: Any, used: int, elapsed: Any, low: Any, shift: int) -> None:
+    """One event as one key, or as two words where the time does not fit beside the pixel."""
+    if shift > 0:
+        keys[used] = (elapsed << shift) | low
+    else:
+        keys[2 * used] = elapsed
+        keys[2 * used + 1] = low
+
+
+@kernel
+def _room(keys: Any, shift: int) -> Any:
+    return keys.size if shift > 0 else keys.size // 2
+
+
+@kernel
+def _inside(edge: float, sign: float) -> float:
+    return edge - sign * _MARGIN * (1.0 + abs(edge))
+
+
+@kernel
+def fire_linear(
+    place: int,
+    found: Any,
+    now: Any,
+    before: Any,
+    origin: Any,
+    counts: Any,
+    step: float,
+    duration_ns: int,
+    shift: int,
+    keys: Any,
+    used: int,
+    edges: Any,
+) -> tuple[int, int, int]:
+    """Events of ideal pixels whose level is linear in time; `counts` moves with them.
+
+    Parameters
+    ----------
+    place
+        First of the pixels to deal with.
+    found
+        Pixels, int32, shape (k,).
+    now, before
+        Levels at the end and at the start of the interval, float64, shape (k,).
+    origin
+        Level of the first reference of all pixels, float64.
+    counts
+        N of all pixels, int32; updated in place.
+    step
+        Threshold as a change of the level, ``h ln b``.
+    duration_ns
+        Length of the interval, ns.
+    shift
+        Where the time begins in a key, 0 for two words an event.
+    keys
+        int64 buffer that holds `used` events already.
+    used
+        Number of events in the buffer.
+    edges
+        Out: levels between which each pixel is silent from now on, float64, shape (2, k).
+
+    Returns
+    -------
+    place, used, needed
+        Pixels dealt with, all of them unless the buffer is full; events in the buffer; events that
+        it must be able to hold to go on.
+    """
+    duration = float(duration_ns)
+    room = _room(keys, shift)
+    for k in range(place, found.size):
+        i = found[k]
+        end, count = (now[k] - origin[i]) / step, counts[i]
+        if end >= count + 1.0 or end <= count - 1.0:
+            rest = np.floor(end) if end > count else np.ceil(end)
+            if abs(rest) > _MOST_STEPS:
+                return k, used, int(min(abs(rest), 1e18))
+            polarity = 1 if end > count else -1
+            rungs = int(abs(rest - count))
+            if used + rungs > room:
+                return k, used, used + rungs
+            start = (before[k] - origin[i]) / step
+            pace = duration / (end - start)
+            low = (np.int64(i) << 2) | (polarity + 1)
+            for rung in range(1, rungs + 1):
+                threshold = count + polarity * (rung * 1.0)
+                elapsed = min(max(np.ceil((threshold - start) * pace), 1.0), duration)
+                _put(keys, used, np.int64(elapsed), low, shift)
+                used += 1
+            count = np.int32(rest)
+            counts[i] = count
+        edges[0, k] = _inside(origin[i] + (count - 1.0) * step, -1.0)
+        edges[1, k] = _inside(origin[i] + (count + 1.0) * step, 1.0)
+    return found.size, used, used
+
+
+@kernel
+def _cubic_root(b0: float, b1: float, goal: float, tolerance: float, iterations: int) -> float:
+    """`hermite.monotone_cubic_root` for one cubic."""
+    low, high = 0.0, 1.0
+    x = min(max(goal, 0.0), 1.0)
+    for _ in range(iterations):
+        excess = x * (b0 + x * (3.0 - 2.0 * b0 - b1 + x * (b0 + b1 - 2.0))) - goal
+        if excess >= 0:
+            high = x
+        if excess <= 0:
+            low = x
+        slope = b0 + x * (2.0 * (3.0 - 2.0 * b0 - b1) + 3.0 * x * (b0 + b1 - 2.0))
+        guess = x - excess / (slope if slope > 0 else 1.0)
+        if not (slope > 0 and low < guess < high):
+            guess = 0.5 * (low + high)
+        moved = abs(guess - x)
+        x = guess
+        if not moved > tolerance:
+            break
+    return x
+
+
+@kernel
+def fire_cubic(
+    place: int,
+    found: Any,
+    now: Any,
+    before: Any,
+    older: Any,
+    oldest: Any,
+    a1: float,
+    a2: float,
+    tolerance: float,
+    iterations: int,
+    origin: Any,
+    counts: Any,
+    step: float,
+    duration_ns: int,
+    shift: int,
+    keys: Any,
+    used: int,
+    edges: Any,
+) -> tuple[int, int, int]:
+    """Events of ideal pixels whose level is a monotone cubic; see `fire_linear` for the rest.
+
+    Parameters
+    ----------
+    place, found, now, before
+        See `fire_linear`.
+    older, oldest
+        Levels one and two samples before the start of the interval, float64, shape (k,).
+    a1, a2
+        Lengths of the two intervals before, in units of this one; 0 where there was none.
+    tolerance, iterations
+        When the search for a crossing ends.
+    origin, counts, step, duration_ns, shift, keys, used, edges
+        See `fire_linear`.
+
+    Returns
+    -------
+    place, used, needed
+        See `fire_linear`.
+    """
+    duration = float(duration_ns)
+    room = _room(keys, shift)
+    for k in range(place, found.size):
+        i = found[k]
+        end, count = (now[k] - origin[i]) / step, counts[i]
+        if end >= count + 1.0 or end <= count - 1.0:
+            rest = np.floor(end) if end > count else np.ceil(end)
+            if abs(rest) > _MOST_STEPS:
+                return k, used, int(min(abs(rest), 1e18))
+            polarity = 1 if end > count else -1
+            rungs = int(abs(rest - count))
+            if used + rungs > room:
+                return k, used, used + rungs
+            start = (before[k] - origin[i]) / step
+            rise = end - start
+            second, third = 0.0, 0.0
+            if a1 > 0:
+                second_last = (older[k] - origin[i]) / step
+                older_rise = (start - second_last) / a1
+                second = (rise - older_rise) / (1.0 + a1)
+                if a2 > 0:
+                    oldest_rise = (second_last - (oldest[k] - origin[i]) / step) / a2
+                    older_second = (older_rise - oldest_rise) / (a1 + a2)
+                    third = (second - older_second) / (1.0 + a1 + a2)
+            least, most = min(0.0, 3.0 * rise), max(0.0, 3.0 * rise)
+            b0 = min(max(rise - second - third * a1, least), most) / rise
+            b1 = min(max(rise + second + third * (1.0 + a1), least), most) / rise
+            low = (np.int64(i) << 2) | (polarity + 1)
+            for rung in range(1, rungs + 1):
+                threshold = count + polarity * (rung * 1.0)
+                fraction = _cubic_root(b0, b1, (threshold - start) / rise, tolerance, iterations)
+                elapsed = min(max(np.ceil(fraction * duration), 1.0), duration)
+                _put(keys, used, np.int64(elapsed), low, shift)
+                used += 1
+            count = np.int32(rest)
+            counts[i] = count
+        edges[0, k] = _inside(origin[i] + (count - 1.0) * step, -1.0)
+        edges[1, k] = _inside(origin[i] + (count + 1.0) * step, 1.0)
+    return found.size, used, used
+
+
+@kernel
+def fire_imperfect(
+    place: int,
+    found: Any,
+    now: Any,
+    before: Any,
+    origin: Any,
+    present: Any,
+    ladder: bool,
+    on: Any,
+    off: Any,
+    on_thresholds: Any,
+    off_thresholds: Any,
+    refractory_ns: int,
+    ready_ns: Any,
+    shot_pixel: Any,
+    shot_when: Any,
+    shot_polarity: Any,
+    start_ns: int,
+    duration_ns: int,
+    shift: int,
+    keys: Any,
+    used: int,
+    edges: Any,
+) -> tuple[int, int, int]:
+    """Events of imperfect pixels, as `imperfect_comparator.ImperfectComparator` has them.
+
+    Parameters
+    ----------
+    place, found, now, before, origin
+        See `fire_linear`.
+    present
+        Present references of all pixels, float64, where they are not on a ladder.
+    ladder
+        Whether a reference moves by a threshold at an event, or to the present level.
+    on, off
+        Numbers of ON and OFF events of all pixels, int32; updated in place.
+    on_thresholds, off_thresholds
+        Thresholds of all pixels as changes of the level, float64.
+    refractory_ns
+        Refractory period, ns.
+    ready_ns
+        Time from which each pixel can fire, int64, ns; updated in place.
+    shot_pixel, shot_when, shot_polarity
+        Shot noise of the interval, sorted by pixel and time; the last pixel is none.
+    start_ns
+        Start of the interval, ns.
+    duration_ns, shift, keys, used, edges
+        See `fire_linear`.
+
+    Returns
+    -------
+    place, used, needed
+        See `fire_linear`.
+    """
+    room = _room(keys, shift)
+    shots = shot_pixel.size - 1
+    shot = 0
+    if shots and place < found.size:
+        shot = np.searchsorted(shot_pixel[:shots], found[place])
+    for k in range(place, found.size):
+        i = found[k]
+        start, end = before[k], now[k]
+        rise = end - start
+        theta_on, theta_off = on_thresholds[i], off_thresholds[i]
+        mean, half = 0.5 * (theta_on + theta_off), 0.5 * (theta_on - theta_off)
+        n_on, n_off, ready_at, written = on[i], off[i], ready_ns[i], used
+        reference = present[i]
+        clock = 0
+        while shot < shots and shot_pixel[shot] < i:
+            shot += 1
+        first_shot = shot
+        while True:
+            if ladder:
+                reference = origin[i] + (n_on - n_off) * mean + (n_on + n_off) * half
+            upper, lower = reference + theta_on, reference - theta_off
+            ready = max(clock, ready_at - start_ns)
+            while shot < shots and shot_pixel[shot] == i and shot_when[shot] < ready:
+                shot += 1
+            level = start + rise * (min(ready, duration_ns) / duration_ns)
+            at_once = level >= upper or level <= lower
+            up = level >= upper if at_once else end >= upper
+            when = _NEVER
+            if ready <= duration_ns:
+                if at_once:
+                    when = max(ready, 1)
+                elif end >= upper or end <= lower:
+                    fraction = ((upper if up else lower) - start) / (rise if rise != 0 else 1.0)
+                    fraction = min(max(fraction, 0.0), 1.0)
+                    when = max(max(np.int64(np.ceil(fraction * duration_ns)), ready), 1)
+            is_shot = (
+                shot < shots
+                and shot_pixel[shot] == i
+                and shot_when[shot] <= when
+                and shot_when[shot] <= duration_ns
+            )
+            if is_shot:
+                when, up = shot_when[shot], shot_polarity[shot] > 0
+                shot += 1
+            if when > duration_ns:
+                break
+            if written >= room:
+                # Not committed: the pixel is done again in a larger buffer.
+                shot = first_shot
+                return k, used, written + 1
+            low = (np.int64(i) << 2) | (2 if up else 0) | (1 if is_shot else 0)
+            _put(keys, written, when, low, shift)
+            written += 1
+            n_on += 1 if up else 0
+            n_off += 0 if up else 1
+            if not ladder:
+                reference = start + rise * (when / duration_ns)
+            clock = when
+            ready_at = start_ns + clock + max(refractory_ns, 1 if is_shot else 0)
+        on[i], off[i], ready_ns[i], present[i], used = n_on, n_off, ready_at, reference, written
+        if lower < end < upper:
+            edges[0, k], edges[1, k] = _inside(lower, -1.0), _inside(upper, 1.0)
+        else:
+            # Refractory and behind: news whatever comes.
+            edges[0, k], edges[1, k] = np.inf, -np.inf
+    return found.size, used, used
