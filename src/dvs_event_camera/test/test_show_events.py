@@ -10,8 +10,8 @@ import pytest
 from dvs_common.wire.events import EVENT_DTYPE, EventPacket, make_events, pack_events
 from dvs_event_camera.files.bag_recording import CloudDecoder
 from dvs_event_camera.streams.event_packet import pack_event_packet
-from dvs_event_camera.streams.stream_statistics import StreamStatistics
 from dvs_event_camera.tools import show_events
+from dvs_event_camera.tools.stream_statistics import StreamStatistics
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from dvs_common.nanoseconds import as_nanoseconds
 from dvs_event_camera.files.recording import Stretch
 from dvs_event_camera.files.writer_form import EventWriter
-from dvs_event_camera.streams.stream_statistics import StreamStatistics
+from dvs_event_camera.tools.stream_statistics import StreamStatistics
 
 
 class EventShow:

@@ -1,0 +1,170 @@
+"""The rooms of the house: who may import whom, how large a module is, and nothing said twice."""
+
+import ast
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+# Packages from the ground up; those of one line do not import each other.
+FLOORS = (
+    ('dvs_common',),
+    ('dvs_plant_sim', 'dvs_event_camera', 'dvs_hinf_controller'),
+    ('dvs_simulation',),
+    ('dvs_closed_loop',),
+)
+# Rooms of each package from the ground up. GROUND are the modules beside the rooms that rooms
+# stand on, ROOF those that stand on rooms: nodes, the command line, what a package exports.
+GROUND, ROOF = 'ground', 'roof'
+ROOMS = {
+    'dvs_common': (GROUND, 'wire', 'scenario', 'node', ROOF),
+    'dvs_plant_sim': (GROUND, ROOF),
+    'dvs_event_camera': (GROUND, 'pixels', 'streams', 'files', 'tools', ROOF),
+    'dvs_hinf_controller': (GROUND, 'analysis', 'synthesis', 'design', 'running', ROOF),
+    'dvs_simulation': (
+        GROUND, 'judging', 'exact', 'sampled', 'paper', 'sweep', 'commands', ROOF,
+    ),
+    'dvs_closed_loop': (GROUND, 'bags', 'reports', 'running', 'dashboard', 'commands', ROOF),
+}  # fmt: skip
+ROOFS = {'dvs_event_camera.event_camera'}
+MOST_LINES = 400
+# Larger modules, and why each is one.
+LARGE = {
+    'dvs_simulation.exact.kernel': "numba's cache notices a change of a function's own file only",
+    'dvs_hinf_controller.analysis.kernel': 'the kernel of a response and every bound on its tail',
+    'dvs_hinf_controller.running.intervals': 'one rule a method, all on the same arrays',
+    'dvs_hinf_controller.running.reference_watch': 'one state machine: the order of what applies',
+    'dvs_event_camera.pixels.pixel_array': 'the stages of one update share the arrays of a frame',
+}
+SAME_LINES = 10
+
+
+def module_name(path, package):
+    name = '.'.join(path.relative_to(ROOT / 'src' / package).with_suffix('').parts)
+    return name.removesuffix('.__init__')
+
+
+MODULES = {
+    module_name(path, package): path
+    for floor in FLOORS
+    for package in floor
+    for path in sorted((ROOT / 'src' / package / package).rglob('*.py'))
+}
+PACKAGES = [package for floor in FLOORS for package in floor]
+
+
+def imported(path, *, late):
+    """Our modules that a file imports, not counting types; with `late`, in functions too."""
+    pending = list(ast.parse(path.read_text()).body)
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = f'{node.module}.{alias.name}'
+                found = inner if inner in MODULES else node.module
+                if found in MODULES:
+                    yield found
+        elif isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
+            pending += node.orelse
+        elif late or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            pending += [
+                child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)
+            ]
+
+
+def room_of(name):
+    package, *rest = name.split('.')
+    if not rest:
+        return ROOF
+    if rest[0] in ROOMS[package]:
+        return rest[0]
+    roof = name in ROOFS or rest[0] in ('cli', '__main__') or rest[0].endswith('_node')
+    return ROOF if roof else GROUND
+
+
+def test_every_room_is_on_the_plan_and_has_a_word_on_what_it_is_for():
+    for package in PACKAGES:
+        folders = list((ROOT / 'src' / package / package).glob('*/__init__.py'))
+        assert {path.parent.name for path in folders} == {*ROOMS[package]} - {GROUND, ROOF}
+        assert all(ast.get_docstring(ast.parse(path.read_text())) for path in folders)
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_imports_go_down_between_packages_and_between_rooms(name):
+    package = name.partition('.')[0]
+    floor = {p: k for k, packages in enumerate(FLOORS) for p in packages}
+    rooms = ROOMS[package]
+    for other in imported(MODULES[name], late=True):
+        below = other.partition('.')[0]
+        if below != package:
+            assert floor[below] < floor[package], f'{name} imports {other}'
+        elif other != package:
+            assert rooms.index(room_of(other)) <= rooms.index(room_of(name)), (
+                f'{name} imports {other}'
+            )
+
+
+def test_no_import_goes_round_in_a_circle():
+    graph = {name: {*imported(path, late=False)} - {name} for name, path in MODULES.items()}
+
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(' -> '.join(error.args[1]))
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_a_module_over_400_lines_has_a_reason(name):
+    lines = len(MODULES[name].read_text().splitlines())
+
+    assert lines <= MOST_LINES or name in LARGE, f'{name} has {lines} lines'
+
+
+def test_no_reason_is_left_over():
+    assert all(len(MODULES[name].read_text().splitlines()) > MOST_LINES for name in LARGE)
+
+
+def code_lines(source):
+    """Lines of a module without imports, docstrings, comments and layout."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(getattr(node, 'body', None), list):
+            kept = [
+                child for child in node.body if not isinstance(child, ast.Import | ast.ImportFrom)
+            ]
+            if kept and isinstance(kept[0], ast.Expr) and isinstance(kept[0].value, ast.Constant):
+                kept = kept[1:]
+            node.body = kept or [ast.Pass()]
+    return [line.strip() for line in ast.unparse(tree).splitlines() if line.strip()]
+
+
+def said_twice(sources):
+    """Stretches of ten lines that stand in two places, with the places."""
+    places = defaultdict(list)
+    for name, source in sources.items():
+        lines = code_lines(source)
+        for start in range(len(lines) - SAME_LINES + 1):
+            places['\n'.join(lines[start : start + SAME_LINES])].append(name)
+    return {text: names for text, names in places.items() if len(names) > 1}
+
+
+def test_no_two_places_have_the_same_ten_lines():
+    assert not said_twice({name: path.read_text() for name, path in MODULES.items()})
+
+
+def test_ten_lines_that_differ_in_layout_only_would_be_found():
+    lines = [f'x{k} = call({k}, {k})' for k in range(10)]
+    spread = [f'    x{k} = call(\n        {k}, {k}\n    )  # why' for k in range(10)]
+
+    assert said_twice({'a': '\n'.join(lines), 'b': 'def f():\n' + '\n'.join(spread)})
+    assert not said_twice({'a': '\n'.join(lines), 'b': '\n'.join(lines[:9])})
+
+
+def test_bags_are_written_by_public_interfaces():
+    inner = ('rosbags.rosbag2.storage', 'rosbags.rosbag2.writer', 'rosbags.rosbag2.metadata')
+    for name, path in MODULES.items():
+        assert not any(module in path.read_text() for module in inner), name
