@@ -32,6 +32,7 @@ ROOFS = {'dvs_event_camera.event_camera'}
 MOST_LINES = 400
 # Larger modules, and why each is one.
 LARGE = {
+    'dvs_common.wire.messages': 'each message of the contract packed and parsed, side by side',
     'dvs_simulation.exact.kernel': "numba's cache notices a change of a function's own file only",
     'dvs_hinf_controller.analysis.kernel': 'the kernel of a response and every bound on its tail',
     'dvs_hinf_controller.running.intervals': 'one rule a method, all on the same arrays',

@@ -16,6 +16,7 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.scenario.model import PixelScene
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.events import pack_events, parse_events
 from dvs_common.wire.messages import (
@@ -95,14 +96,15 @@ def run_sampled(
         model, initial_state=scenario.initial_state, period_ns=scenario.sampling_period_ns
     )
     moving = disturbed(plant or linear, scenario)
-    sees = luminosity or partial(scenario.scene.luminosity, model)
+    scene = scenario.scene
+    sees = luminosity or partial(scene.luminosity, model)
     camera = EventCamera.of_scenario(scenario)
     controller = event_controller(design, scenario)
     frames = AnchorFrames.of_scenario(scenario)
     for sample in range(scenario.sample_count + 1):
         stamp_ns = sample * scenario.sampling_period_ns
         state = moving.state
-        image = _publish_sample(run, scenario, state, sees(state), stamp_ns)
+        image = _publish_sample(run, scenario, scene, state, sees(state), stamp_ns)
         packets = _expose(run, camera, image)
         _tell(controller, camera, frames, image, is_first=not sample)
         command = _command(run, controller, packets)
@@ -112,9 +114,13 @@ def run_sampled(
 
 
 def _publish_sample(
-    run: SampledRun, scenario: Scenario, state: FloatArray, luminosity: FloatArray, stamp_ns: int
+    run: SampledRun,
+    scenario: Scenario,
+    scene: PixelScene,
+    state: FloatArray,
+    luminosity: FloatArray,
+    stamp_ns: int,
 ) -> bytes:
-    scene = scenario.scene
     if scenario.sensor.photoreceptor == 'log' and luminosity.min() <= 0:
         luminosity = _nonphysical(scenario, luminosity, stamp_ns)
     image = pack_image(stamp_ns, luminosity.reshape(scene.height, scene.width), '64FC1')
