@@ -9,10 +9,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / 'docs' / 'parameters.md'
+CAMERA_PAGE = ROOT / 'docs' / 'event_camera.md'
 sys.path.insert(0, str(ROOT / 'src' / 'dvs_common'))
 
 from dvs_common.scenario.fields import ParameterGroup, specs_of  # noqa: E402
-from dvs_common.scenario.parameters import GROUPS  # noqa: E402
+from dvs_common.scenario.parameters import CAMERA, GROUPS, SCHEMA  # noqa: E402
 from dvs_common.scenario.schema import ParameterSpec, Value  # noqa: E402
 
 HEAD = """# Parameters
@@ -44,6 +45,10 @@ hold from its next activation on; *never*: fixed when the node starts.
 
 The headings are the groups of a `Scenario` in Python: `scenario.sensor.event_threshold` is the
 parameter `event_threshold`, and `scenario['event_threshold']` finds it by its ROS name.
+"""
+
+CAMERA_TABLE = """| parameter | default | unit | range | meaning |
+|---|---|---|---|---|
 """
 
 SECTION = """
@@ -122,19 +127,49 @@ def page() -> str:
     return HEAD + ''.join(section(name, group) for name, group in GROUPS.items())
 
 
+def camera_row(spec: ParameterSpec) -> str:
+    """One line of the table on the page of the camera.
+
+    Parameters
+    ----------
+    spec
+        A parameter of the camera.
+    """
+    allowed = ', '.join(spec.choices) or str(spec.interval)
+    default = as_yaml(spec.default) if spec.default not in ('', ()) else 'empty'
+    cells = (f'`{spec.name}`', default, spec.unit, allowed, spec.description)
+    return f'| {" | ".join(cell(text) for text in cells)} |\n'
+
+
+def camera_page(text: str) -> str:
+    """Page of the camera with its table renewed.
+
+    Parameters
+    ----------
+    text
+        The page as it is.
+    """
+    head, title, rest = text.partition('## Parameters\n')
+    _, heading, tail = rest.partition('\n## ')
+    table = CAMERA_TABLE + ''.join(camera_row(spec) for spec in SCHEMA.of_node(CAMERA))
+    return head + title + table + heading + tail
+
+
 def main() -> int:
-    """Write the page, or compare it; returns the exit code."""
-    if sys.argv[1:] == ['--check']:
-        current = PAGE.read_text(encoding='utf-8') if PAGE.exists() else ''
-        if current != page():
-            print('docs/parameters.md is stale: run scripts/parameters_doc.py', file=sys.stderr)
-            return 1
-        return 0
-    if sys.argv[1:]:
+    """Write the pages, or compare them; returns the exit code."""
+    if sys.argv[1:] not in ([], ['--check']):
         print('usage: scripts/parameters_doc.py [--check]', file=sys.stderr)
         return 2 if sys.argv[1:] != ['--help'] else 0
-    PAGE.write_text(page(), encoding='utf-8')
-    return 0
+    wanted = {PAGE: page(), CAMERA_PAGE: camera_page(CAMERA_PAGE.read_text(encoding='utf-8'))}
+    stale = {
+        path: text for path, text in wanted.items() if path.read_text(encoding='utf-8') != text
+    }
+    for path, text in stale.items():
+        if sys.argv[1:]:
+            print(f'{path.name} is stale: run scripts/parameters_doc.py', file=sys.stderr)
+        else:
+            path.write_text(text, encoding='utf-8')
+    return 1 if stale and sys.argv[1:] else 0
 
 
 if __name__ == '__main__':

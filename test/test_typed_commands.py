@@ -221,7 +221,7 @@ TYPED = (
     Rule(
         TOOLS + 'reproduce_paper .*',
         is_understood,
-        'takes half a minute; src/dvs_closed_loop/test/test_paper.py runs it with fewer pictures',
+        'takes half a minute; src/dvs_simulation/test/test_paper.py runs it with fewer pictures',
     ),
     Rule(TOOLS + 'dashboard', serves_a_page, CTRL_C),
     Rule(TOOLS + 'record .*', runs_until_ctrl_c(r'receives command'), CTRL_C),

@@ -1,4 +1,4 @@
-"""The page of the camera says what the schema says."""
+"""The page of the camera shows every parameter and its figures."""
 
 import re
 from pathlib import Path

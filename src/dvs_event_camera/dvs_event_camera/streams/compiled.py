@@ -1,5 +1,7 @@
-"""Modules of compiled kernels: imported late, since numba takes a second, and without a cache if
-there is no place for one."""
+"""Modules of compiled kernels: imported late, and without a cache if there is no place for one.
+
+numba takes a second to import.
+"""
 
 from __future__ import annotations
 

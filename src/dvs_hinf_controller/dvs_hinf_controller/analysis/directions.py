@@ -101,9 +101,9 @@ def _largest_in_plane(kernel: WeightedVectors) -> Bracket:
 
 
 def _relaxed_maximum(kernel: WeightedVectors, v: FloatArray) -> float:
-    """Upper bound of ``max_v sum w |v'g|``: by Cauchy and Schwarz, for any positive a,
+    """Upper bound of ``max_v sum w |v'g|``: by Cauchy and Schwarz.
 
-    ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is ``sqrt(g'S g)`` with S a
+    For any positive a, ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is ``sqrt(g'S g)`` with S a
     density matrix, found by the multiplicative update of optimal experiment design.
     """
     n = v.size
