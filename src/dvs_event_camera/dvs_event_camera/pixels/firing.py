@@ -141,7 +141,7 @@ class LinearFiring:
         """Nothing to do; see `Firing.start_pixels`."""
 
     def begin(self, interval: Interval, luminosity: NDArray[np.generic]) -> NDArray[np.int64]:
-        """Nobody has news of his own; see `Firing.begin`."""
+        """No pixel has news of its own; see `Firing.begin`."""
         return _NOBODY
 
     def fire(

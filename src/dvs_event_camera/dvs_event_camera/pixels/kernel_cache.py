@@ -21,7 +21,7 @@ class _ForgivingCache(_FunctionCache):
         """Return a compiled overload; None, and a word, if what is there can't be read."""
         try:
             return super().load_overload(*arguments)
-        except Exception as error:  # a pickle of anybody's raises anything
+        except Exception as error:  # a foreign pickle raises anything
             _tell(f'cannot be read ({type(error).__name__}: {error})')
             return None
 

@@ -103,8 +103,9 @@ def _largest_in_plane(kernel: WeightedVectors) -> Bracket:
 def _relaxed_maximum(kernel: WeightedVectors, v: FloatArray) -> float:
     """Upper bound of ``max_v sum w |v'g|``: by Cauchy and Schwarz.
 
-    For any positive a, ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is ``sqrt(g'S g)`` with S a
-    density matrix, found by the multiplicative update of optimal experiment design.
+    For any positive a, ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is
+    ``sqrt(g'S g)`` with S a density matrix, found by the multiplicative update of optimal
+    experiment design.
     """
     n = v.size
     used = np.linalg.norm(kernel.values, axis=1) > 0
