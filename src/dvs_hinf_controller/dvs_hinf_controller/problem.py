@@ -12,6 +12,7 @@ from dvs_common.errors import ParameterError
 from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.operation import Operation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +33,11 @@ class DesignProblem:
         eps > 0: wanted bound on ``||x - x_d||`` as time goes to infinity, in the unit of x.
     log_base
         b > 1.
+    operation
+        How the loop runs and what acts on it; None for the continuous loop with nothing but the
+        error of the estimate.
+    initial_state
+        Start of the run, shape (n,), whose transient is bounded; None for none.
 
     Raises
     ------
@@ -45,6 +51,8 @@ class DesignProblem:
     bounds: ReferenceBounds
     tolerance: float
     log_base: float
+    operation: Operation | None = None
+    initial_state: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check sizes and ranges."""
@@ -89,6 +97,14 @@ class DesignProblem:
             bounds=scenario.model_reference_bounds,
             tolerance=scenario.objective.tolerance,
             log_base=scenario.sensor.log_base,
+            operation=Operation(
+                sampling_period=scenario.loop.sampling_period,
+                latency=scenario.promise.loop_latency,
+                latency_jitter=scenario.promise.loop_latency_jitter,
+                disturbance_bound=scenario.disturbance_bound,
+                model_uncertainty=scenario.promise.model_uncertainty,
+            ),
+            initial_state=scenario.initial_state,
         )
 
     @property

@@ -27,6 +27,7 @@ from dvs_common.scenario.plant_parameters import (
     PixelParameters,
     PlantParameters,
 )
+from dvs_common.scenario.promise_parameters import PromiseParameters
 from dvs_common.scenario.schema import Schema, Value
 from dvs_common.scenario.sensor_parameters import SensorParameters
 from dvs_common.scenario.uncertainty_parameters import UncertaintyParameters
@@ -49,6 +50,7 @@ GROUPS = MappingProxyType(
         'disturbance': DisturbanceParameters,
         'controller': ControllerParameters,
         'uncertainty': UncertaintyParameters,
+        'promise': PromiseParameters,
     }
 )
 _GROUP_OF = {spec.name: name for name, group in GROUPS.items() for spec in specs_of(group)}
@@ -88,6 +90,8 @@ class Parameters:
         Method and options of the design.
     uncertainty
         How far the sensor may be from an ideal one.
+    promise
+        What the promise of the design covers.
     plant_extras
         Parameters of a plant node other than `plant_sim`, by their whole names (``plant.*``).
 
@@ -108,6 +112,7 @@ class Parameters:
     disturbance: DisturbanceParameters = field(default_factory=DisturbanceParameters)
     controller: ControllerParameters = field(default_factory=ControllerParameters)
     uncertainty: UncertaintyParameters = field(default_factory=UncertaintyParameters)
+    promise: PromiseParameters = field(default_factory=PromiseParameters)
     plant_extras: Mapping[str, Value] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

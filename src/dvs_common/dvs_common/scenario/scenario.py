@@ -147,11 +147,25 @@ class Scenario(Parameters):
         ParameterError
             If it has neither 0, 1 nor m entries.
         """
+        return self._per_input('command_limit', absent=np.inf)
+
+    @property
+    def disturbance_bound(self) -> FloatArray:
+        """Largest disturbance per input, shape (m,), zero where there is none.
+
+        Raises
+        ------
+        ParameterError
+            If it has neither 0, 1 nor m entries.
+        """
+        return self._per_input('disturbance_bound', absent=0.0)
+
+    def _per_input(self, name: str, *, absent: float) -> FloatArray:
         m = self.model.input_count
-        limits = self.controller.command_limit or (np.inf,)
-        if len(limits) not in (1, m):
-            raise ParameterError('command_limit', list(limits), f'must have 0, 1 or {m} entries')
-        return np.broadcast_to(np.array(limits), (m,))
+        values = self[name] or (absent,)
+        if len(values) not in (1, m):
+            raise ParameterError(name, list(values), f'must have 0, 1 or {m} entries')
+        return np.broadcast_to(np.array(values), (m,))
 
     def _matrix(self, name: str, *, rows: int | None, columns: int | None) -> FloatArray:
         flat = np.array(self[name], dtype=np.float64)

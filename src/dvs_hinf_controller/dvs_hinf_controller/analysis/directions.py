@@ -14,7 +14,9 @@ _SECTORS = 32
 _PLANE_RTOL = 1e-5
 _ASCENT_STARTS = 12
 _ASCENT_STEPS = 100
+_ASCENT_WORK = 3e7
 _RELAXATION_STEPS = 40
+_RELAXATION_RTOL = 3e-4
 _RELAXATION_WORK = 1e8
 
 
@@ -114,9 +116,12 @@ def _relaxed_maximum(kernel: WeightedVectors, v: FloatArray) -> float:
     bound = math.inf
     steps = int(_RELAXATION_WORK / (values.shape[0] * n * n))
     for _ in range(min(max(steps, 4), _RELAXATION_STEPS)):
-        a = np.sqrt(np.einsum('ij,jk,ik->i', values, s, values))
+        a = np.sqrt(np.sum((values @ s) * values, axis=1))
         moment = (values * (weights / a)[:, None]).T @ values
-        bound = min(bound, math.sqrt(float(weights @ a) * np.linalg.eigvalsh(moment)[-1]))
+        found = math.sqrt(float(weights @ a) * np.linalg.eigvalsh(moment)[-1])
+        if found > bound * (1 - _RELAXATION_RTOL):
+            return min(found, bound)
+        bound = found
         root = scipy.linalg.sqrtm(s).real
         s = root @ moment @ root
         s = s / np.trace(s) + 1e-12 * np.eye(n)
@@ -138,7 +143,8 @@ def steepest_direction(kernel: WeightedVectors) -> FloatArray:
     starts = np.vstack([np.eye(kernel.values.shape[1]), weighted[order]])
     lengths = np.linalg.norm(starts, axis=1)
     v = (starts[lengths > 0] / lengths[lengths > 0, None]).T
-    for _ in range(_ASCENT_STEPS):
+    most = max(int(_ASCENT_WORK / (weighted.size * v.shape[1])), 4)
+    for _ in range(min(most, _ASCENT_STEPS)):
         gradient = weighted.T @ np.sign(kernel.values @ v)
         moved = gradient / np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
         if np.allclose(moved, v, rtol=0, atol=1e-12):

@@ -13,7 +13,7 @@ import scipy.linalg
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import ComplexArray
 
-_MAX_VALUES = 10_000_000
+_MAX_VALUES = 3_000_000
 _MAX_NODES = 500_000
 _BLOCK, _LONGEST_BLOCK = 16, 1024
 _MAX_PASSES = 8
@@ -210,7 +210,7 @@ class ContinuousFlow:
         rate = -0.5 * float(np.max(poles.real))
         shifted = self._a + rate * np.eye(len(self._a))
         for floor in _FLOORS:
-            p = scipy.linalg.solve_continuous_lyapunov(shifted.T, -_stacked(outputs, floor))
+            p = scipy.linalg.solve_continuous_lyapunov(shifted.T, -stacked_outputs(outputs, floor))
             p = (p + p.T) / 2
             if _is_semidefinite(-shifted.T @ p - p @ shifted) and (
                 bound := quadratic_bound(p, rate, outputs, states)
@@ -301,8 +301,16 @@ def quadratic_bound(p: FloatArray, rate: float, outputs: FloatArray, states: int
     return Bound(coordinates=root.astype(np.complex128), gains=gains, rates=np.array([rate]))
 
 
-def _stacked(outputs: FloatArray, floor: float) -> FloatArray:
-    """``C'C`` of all outputs, and a share of its size more, so that it is positive definite."""
+def stacked_outputs(outputs: FloatArray, floor: float) -> FloatArray:
+    """``C'C`` of all outputs, and a share of its size more, so that it is positive definite.
+
+    Parameters
+    ----------
+    outputs
+        Shape (P, p, size).
+    floor
+        The share.
+    """
     rows = outputs.reshape(-1, outputs.shape[-1])
     extra = floor * float(np.linalg.norm(rows)) ** 2 / len(outputs)
     return np.asarray(rows.T @ rows + extra * np.eye(rows.shape[1]))

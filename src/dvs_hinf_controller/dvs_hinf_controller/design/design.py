@@ -18,12 +18,12 @@ from dvs_hinf_controller.analysis.mu import mu_bounds
 from dvs_hinf_controller.analysis.peak_gain import peak_gains
 from dvs_hinf_controller.analysis.sampling import max_sampling_period
 from dvs_hinf_controller.analysis.thresholds import (
-    certified_uncertainty,
     event_threshold,
     published_uncertainty,
     small_gain_holds,
 )
 from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.design.certification import Cost, certify
 from dvs_hinf_controller.design.design_file import (
     finite_or_null,
     read_design_file,
@@ -67,9 +67,15 @@ class DesignFigures:
     output_peak_gain
         N_T, peak gain from w to ``c'x``, an upper bound.
     delta_certified
-        Relative error of the estimate up to which ``limsup ||x|| <= eps`` is guaranteed.
+        Relative error of the estimate up to which ``limsup ||x|| <= eps`` is guaranteed for the
+        loop that runs.
     h_certified
-        Event threshold up to which it is guaranteed.
+        Event threshold up to which it is guaranteed, for all parts of the promise together
+        (docs/promise.md).
+    h_certified_continuous
+        The same for the continuous loop with nothing but the error of the estimate.
+    costs
+        Threshold after each part of the promise, added one after the other.
     controller_order
         States of K.
     fastest_pole
@@ -96,6 +102,8 @@ class DesignFigures:
     output_peak_gain: float
     delta_certified: float
     h_certified: float
+    h_certified_continuous: float
+    costs: tuple[Cost, ...]
     controller_order: int
     fastest_pole: float
     closed_loop_abscissa: float
@@ -289,17 +297,17 @@ def measure(
     delta_star = published_uncertainty(problem, dc_gain_w1=c_norm * dc_gain, dc_gain_w2=dc_gain)
     mu = mu_bounds(g, problem.model.output_vector)
     peak = peak_gains(g, problem.model.output_vector)
-    delta_certified = certified_uncertainty(
-        problem, state_peak_gain=peak.state, output_peak_gain=peak.output
-    )
+    certification = certify(problem, controller, peak)
     return DesignFigures(
         pixels=problem.scene.pixel_count,
         mu_upper=mu.upper,
         mu_lower=mu.lower,
         state_peak_gain=peak.state,
         output_peak_gain=peak.output,
-        delta_certified=delta_certified,
-        h_certified=event_threshold(problem, delta_certified),
+        delta_certified=certification.delta_certified,
+        h_certified=certification.h_certified,
+        h_certified_continuous=certification.h_continuous,
+        costs=certification.costs,
         gamma=math.sqrt(1 + c_norm**2) * norm.upper,
         dc_gain_w1=c_norm * dc_gain,
         dc_gain_w2=dc_gain,

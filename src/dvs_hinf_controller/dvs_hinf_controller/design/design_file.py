@@ -155,10 +155,15 @@ def finite_or_null(figures: Mapping[str, Any]) -> dict[str, Any]:
     figures
         Figures by name.
     """
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in figures.items()
-    }
+    return {name: _finite(value) for name, value in figures.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return finite_or_null(value)
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 _IDENTITY_KEYS = ('plant', 'set_point', 'pixels')

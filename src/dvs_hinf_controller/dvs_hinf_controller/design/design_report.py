@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 from dvs_hinf_controller.design.design import Design, DesignFigures
 
@@ -47,8 +49,9 @@ def _cells(figures: DesignFigures, event_threshold: float) -> dict[str, str]:
         'small gain, delta* ||Gw1||_inf < 1': _word(figures.small_gain_ok),
         'peak gain w to ||x||, N_G': f'{figures.state_peak_gain:.5g}',
         "peak gain w to c'x, N_T": f'{figures.output_peak_gain:.5g}',
+        **_cost_rows(figures),
         'delta certified': f'{figures.delta_certified:.5g}',
-        'h certified (guaranteed)': f'{figures.h_certified:.5g}',
+        'h certified (guaranteed)': _threshold(figures.h_certified),
         'h <= h*': _word(event_threshold <= figures.h_star),
         'h <= h certified': _word(event_threshold <= figures.h_certified),
         'controller order': f'{figures.controller_order}',
@@ -57,6 +60,23 @@ def _cells(figures: DesignFigures, event_threshold: float) -> dict[str, str]:
         'longest stable sampling period [ms]': f'{figures.max_sampling_period * 1e3:.4g}',
         'synthesis time [s]': f'{figures.seconds:.3f}',
     }
+
+
+def _cost_rows(figures: DesignFigures) -> dict[str, str]:
+    """Threshold of the continuous loop, and what each further part of the promise costs."""
+    rows = {'h certified, continuous loop': _threshold(figures.h_certified_continuous)}
+    for before, after in pairwise(figures.costs):
+        loss = before.threshold - after.threshold
+        rows[f'  {after.part}'] = f'{-loss:+.4f}' if math.isfinite(loss) else 'no promise is left'
+        if after.threshold == before.threshold:
+            rows[f'  {after.part}'] = 'costs nothing'
+    return rows
+
+
+def _threshold(h: float) -> str:
+    if h == math.inf:
+        return 'any'
+    return f'{h:.5g}' if h > -math.inf else 'none'
 
 
 def _word(holds: bool) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.optimize
@@ -14,39 +15,52 @@ from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
 from dvs_hinf_controller.analysis.kernel import trapezoidal_weights
 from dvs_hinf_controller.analysis.peak_gain import peak_gains
+from dvs_hinf_controller.analysis.promise import Promise, largest_uncertainty
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
+from dvs_hinf_controller.synthesis.delayed_plant import delayed_plant
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 from dvs_hinf_controller.synthesis.units import Units, plant_rate
-from dvs_hinf_controller.synthesis.youla import YoulaFamily
+from dvs_hinf_controller.synthesis.youla import Jump, YoulaFamily
 
-# Filter poles: an octave apart, up to this multiple of the plant's own rate.
+# Filter poles: about an octave apart, up to this multiple of the plant's own rate.
 _FASTEST_FILTER = 100.0
+_FASTEST_SAMPLED_FILTER = 400.0
+_SPREAD = 4.0
+_CLIMB = (0.5, 2.0)
+_MOST_STEPS = 5
+_MIDDLE_RATE = 0.5
 _MAX_FILTERS = 9
 _OBSERVER_RATES = (0.03, 4.0)
+# A delay below this share of the fastest filter's time constant is left out of the program.
+_LEAST_DELAY = 0.1
+_FASTEST_IN_DELAY = 4.0
 _MAX_CUTS = 6
 _SOLVERS = ('highs', 'highs-ipm')
-_CUT_RTOL = 2e-3
+_CUT_RTOL = 5e-3
 _REDUCTION_LOSS = 2e-3
 _COMPARISON_RTOL = 1e-3
 
 
 def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> LinearController:
-    """Controller with (nearly) the largest h_certified.
+    """Controller with (nearly) the largest certified threshold of the loop that runs.
 
     Minimises ``N_G Dbar + eps N_T``, a convex function of the closed loop (Dahleh and Pearson
-    1987), over Youla families whose filters are no faster than the bandwidth limit; then takes the
-    lowest order that loses next to nothing. The controllers of the other methods are candidates.
+    1987), over Youla families whose filters are no faster than the bandwidth limit. A sampled
+    loop's families are strictly proper, since a command samples whatever jumps, and know latency
+    and half a period as a delay; the certificate of the loop that runs chooses the bandwidth. The
+    controllers of the other methods are candidates; at last the lowest order is taken that loses
+    next to nothing.
 
     Parameters
     ----------
     problem
-        Plant, luminosities and tolerance.
+        Plant, luminosities, tolerance and how the loop runs.
     options
         Bandwidth limit; slack and process noise of the other methods.
 
@@ -55,45 +69,138 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     SynthesisError
         If no method finds a controller; with the reason of the first.
     """
-    units = Units.of_problem(problem)
-    plant, limits = units.plant(problem.model), units.options(options)
-    sources: list[Callable[[], LinearController]] = [
-        lambda: synthesize_unstructured(problem.model, options),
-        lambda: synthesize_structured(problem.model, options),
-    ]
-    sources += [
-        lambda rate=rate: units.controller(peak_to_peak(plant, limits, rate))  # type: ignore[misc]
-        for rate in _OBSERVER_RATES
-    ]
-    candidates, failures = [], []
-    for source in sources:
+    search = _Search(problem=problem, options=options)
+    search.add(lambda: synthesize_unstructured(problem.model, options))
+    search.add(lambda: synthesize_structured(problem.model, options))
+    fastest = search.fastest
+    if problem.operation:
+        fastest = search.climb(fastest / _SPREAD)
+    for rate in _OBSERVER_RATES:
+        search.add_peak_to_peak(rate, fastest)
+    return search.result()
+
+
+@dataclass(slots=True, kw_only=True)
+class _Search:
+    """The best controller so far, by the certificate of the problem."""
+
+    problem: DesignProblem
+    options: DesignOptions
+    best: LinearController | None = None
+    best_score: float = -math.inf
+    failures: list[Exception] = field(default_factory=list)
+
+    @property
+    def units(self) -> Units:
+        return Units.of_problem(self.problem)
+
+    @property
+    def fastest(self) -> float:
+        """Fastest filter that is worth a trial, in `units`."""
+        units = self.units
+        rate = plant_rate(units.plant(self.problem.model))
+        fastest = _FASTEST_FILTER * rate
+        if self.delay > 0:
+            fastest = min(_FASTEST_SAMPLED_FILTER * rate, _FASTEST_IN_DELAY / self.delay)
+        limit = units.options(self.options).bandwidth_limit
+        return min(fastest, limit) if limit > 0 else fastest
+
+    @property
+    def delay(self) -> float:
+        """Latency and half a period, in `units`."""
+        operation = self.problem.operation
+        if operation is None:
+            return 0.0
+        return (operation.latency + operation.sampling_period / 2) * self.units.rate
+
+    def add(self, synthesize: Callable[[], LinearController]) -> float:
+        """Score of a candidate, which is kept if it is the best."""
         try:
-            candidates.append(source())
+            controller = synthesize()
         except (SynthesisError, np.linalg.LinAlgError) as error:
-            failures.append(error)
-    if not candidates:
-        raise failures[0]
-    best = min(candidates, key=lambda k: _objective(problem, k))
-    return _of_low_order(problem, best)
+            self.failures.append(error)
+            return -math.inf
+        score = _score(self.problem, controller)
+        if self.best is None or score > self.best_score:
+            self.best, self.best_score = controller, score
+        return score
+
+    def add_peak_to_peak(self, observer_rate: float, fastest: float) -> float:
+        """Score of the best controller of a Youla family."""
+        units = self.units
+        plant = units.plant(self.problem.model)
+        delay = self.delay if self.delay * fastest > _LEAST_DELAY else 0.0
+        return self.add(
+            lambda: units.controller(
+                peak_to_peak(
+                    plant,
+                    observer_rate=observer_rate,
+                    fastest=fastest,
+                    delay=delay,
+                    strictly_proper=self.problem.operation is not None,
+                )
+            )
+        )
+
+    def climb(self, start: float) -> float:
+        """Go down or up from a bandwidth while the score grows; return the best bandwidth."""
+        limit = self.units.options(self.options).bandwidth_limit or math.inf
+        best, score = start, self.add_peak_to_peak(_MIDDLE_RATE, start)
+        for factor in _CLIMB:
+            at, here = start, score
+            for _ in range(_MOST_STEPS):
+                at = min(at * factor, limit)
+                found = self.add_peak_to_peak(_MIDDLE_RATE, at)
+                if found > score:
+                    best, score = at, found
+                elif math.isfinite(found):
+                    break
+            if score > here:
+                break
+        return best
+
+    def result(self) -> LinearController:
+        """The best controller, or one of lower order that loses next to nothing."""
+        if self.best is None:
+            raise self.failures[0]
+        if not math.isfinite(self.best_score):
+            return self.best
+        try:
+            truncations = reduced_controllers(self.problem.model, self.best)
+        except np.linalg.LinAlgError:
+            return self.best
+        for candidate in truncations:
+            if _score(self.problem, candidate) >= self.best_score * (1 - _REDUCTION_LOSS):
+                return candidate
+        return self.best
 
 
-def _of_low_order(problem: DesignProblem, controller: LinearController) -> LinearController:
-    least = _objective(problem, controller)
-    if not math.isfinite(least):
-        return controller
-    limit = least * (1 + _REDUCTION_LOSS)
-    try:
-        truncations = reduced_controllers(problem.model, controller)
-    except np.linalg.LinAlgError:
-        return controller
-    for candidate in truncations:
-        if _objective(problem, candidate) <= limit:
-            return candidate
-    return controller
+def _score(problem: DesignProblem, controller: LinearController) -> float:
+    """Relative error of the estimate that the loop bears; minus infinity if it bears none."""
+    if problem.operation is None:
+        gains = peak_gains(
+            state_response(problem.model, controller),
+            problem.model.output_vector,
+            rtol=_COMPARISON_RTOL,
+        )
+        size = gains.state * problem.mean_luminosity + gains.output * problem.tolerance
+        if not math.isfinite(size):
+            return -math.inf
+        return problem.tolerance / size if size > 0 else math.inf
+    if float(np.max(state_response(problem.model, controller).poles().real)) >= 0:
+        return -math.inf
+    held = Promise(problem, controller, problem.operation, rtol=_COMPARISON_RTOL).held
+    found = largest_uncertainty(problem, held)
+    return -math.inf if math.isnan(found) else found
 
 
 def peak_to_peak(
-    plant: PlantModel, options: DesignOptions, observer_rate: float
+    plant: PlantModel,
+    *,
+    observer_rate: float,
+    fastest: float,
+    delay: float = 0.0,
+    strictly_proper: bool = False,
 ) -> LinearController:
     """Controller with the least ``N_G + N_T`` of a Youla family.
 
@@ -101,10 +208,14 @@ def peak_to_peak(
     ----------
     plant
         Plant in the units of the problem: tolerance and mean luminosity are 1.
-    options
-        Bandwidth limit, in the same units.
     observer_rate
         Rate of the family's observer, relative to the plant's.
+    fastest
+        Pole of the fastest filter.
+    delay
+        Delay of the commands; 0 for none.
+    strictly_proper
+        Whether the controller must have no feedthrough.
 
     Raises
     ------
@@ -112,16 +223,16 @@ def peak_to_peak(
         If the plant is not stabilizable or not detectable, or the linear program has no solution.
     """
     family = YoulaFamily.around_observer(
-        plant, _filter_poles(plant, options), rate=observer_rate * plant_rate(plant)
+        delayed_plant(plant, delay) if delay > 0 else plant,
+        _filter_poles(plant, fastest),
+        rate=observer_rate * plant_rate(plant),
+        strictly_proper=strictly_proper,
     )
-    return family.controller(_optimal_coefficients(family))
+    return family.controller(_optimal_coefficients(family, plant.state_count))
 
 
-def _filter_poles(model: PlantModel, options: DesignOptions) -> FloatArray:
+def _filter_poles(model: PlantModel, fastest: float) -> FloatArray:
     rate = plant_rate(model)
-    fastest = _FASTEST_FILTER * rate
-    if options.bandwidth_limit > 0:
-        fastest = min(fastest, options.bandwidth_limit)
     modes = np.linalg.eigvals(model.state_matrix)
     unstable = np.abs(modes[modes.real > 1e-9 * rate])
     slowest = min(max(float(np.min(unstable, initial=rate)), 0.1 * rate), fastest / 2)
@@ -129,14 +240,16 @@ def _filter_poles(model: PlantModel, options: DesignOptions) -> FloatArray:
     return np.asarray(np.geomspace(slowest, fastest, count))
 
 
-def _optimal_coefficients(family: YoulaFamily) -> FloatArray:
+def _optimal_coefficients(family: YoulaFamily, states: int) -> FloatArray:
     """Cutting planes: a direction v enters once ``integral |v'g|`` exceeds what is accounted."""
     times = family.time_grid()
     with np.errstate(over='ignore', invalid='ignore'):  # refused by the linear program
         nominal, responses = family.responses(times)
+    nominal, responses = nominal[:, :states], responses[:, :states]
     weights = trapezoidal_weights(times)
     sizes = np.sum(weights[:, None, None] * np.abs(responses), axis=(0, 1)) + 1e-300
     responses = responses / sizes
+    jump = family.jump(sizes)
     theta = np.zeros(family.coefficient_count)
     directions: list[FloatArray] = []
     for _ in range(_MAX_CUTS):
@@ -149,13 +262,17 @@ def _optimal_coefficients(family: YoulaFamily) -> FloatArray:
         if worst <= accounted * (1 + _CUT_RTOL):
             break
         directions.append(v)
-        rows = [family.model.output_vector, *directions]
-        theta = _linear_program(rows, weights, nominal, responses)
+        rows = [family.model.output_vector[:states], *directions]
+        theta = _linear_program(rows, weights, nominal, responses, jump)
     return np.asarray(theta / sizes)
 
 
 def _linear_program(
-    rows: list[FloatArray], weights: FloatArray, nominal: FloatArray, responses: FloatArray
+    rows: list[FloatArray],
+    weights: FloatArray,
+    nominal: FloatArray,
+    responses: FloatArray,
+    jump: Jump,
 ) -> FloatArray:
     """Minimise ``s + t`` with ``t >= integral |c'g|``, ``s >= integral |v'g|``.
 
@@ -170,6 +287,8 @@ def _linear_program(
     equalities = scipy.sparse.hstack(
         [scipy.sparse.csr_array(affine), scipy.sparse.csr_array((parts, 2)), -eye, eye]
     )
+    smooth = np.hstack([jump.slope, np.zeros((len(jump.slope), 2 + 2 * parts))])
+    equalities = scipy.sparse.vstack([equalities, scipy.sparse.csr_array(smooth)])
     totals = np.zeros((len(rows), k + 2 + 2 * parts))
     for index in range(len(rows)):
         totals[index, k + 1 if index == 0 else k] = -1.0
@@ -184,7 +303,7 @@ def _linear_program(
             A_ub=scipy.sparse.csr_array(totals),
             b_ub=np.zeros(len(rows)),
             A_eq=equalities.tocsr(),
-            b_eq=-fixed,
+            b_eq=-np.concatenate([fixed, jump.offset * scale]),
             bounds=[(None, None)] * k + [(0, None)] * (2 + 2 * parts),
             method=solver,
         )
@@ -194,12 +313,3 @@ def _linear_program(
     raise SynthesisError(
         Assumption.CONFIRMATION, f'the linear program of the L1 design failed: {message}'
     )
-
-
-def _objective(problem: DesignProblem, controller: LinearController) -> float:
-    gains = peak_gains(
-        state_response(problem.model, controller),
-        problem.model.output_vector,
-        rtol=_COMPARISON_RTOL,
-    )
-    return gains.state * problem.mean_luminosity + gains.output * problem.tolerance

@@ -12,10 +12,26 @@ from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
-_NODES_PER_OCTAVE = 16
+_NODES_PER_OCTAVE = 10
 _FIRST_STEP = 0.25
 _HORIZON = 9.0
 _MARGINS = (0.3, 0.1, 0.03, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jump:
+    """``slope theta + offset`` is the jump of u when w jumps by one, and must be zero.
+
+    Parameters
+    ----------
+    slope
+        Shape (m, k), or (0, k) where u may jump.
+    offset
+        Shape (m,) or (0,).
+    """
+
+    slope: FloatArray
+    offset: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +39,8 @@ class YoulaFamily:
     """``u = F xhat + sum_j theta_j phi_j``, phi_j the innovation filtered by ``p_j / (s + p_j)``.
 
     The innovation does not depend on theta, so that the response to w is affine in theta (Youla,
-    Jabr and Bongiorno 1976; Boyd and Barratt 1991, chapter 7). The first filter is 1.
+    Jabr and Bongiorno 1976; Boyd and Barratt 1991, chapter 7). Before these filters there is one
+    that is 1, unless the family is strictly proper.
 
     Parameters
     ----------
@@ -35,16 +52,24 @@ class YoulaFamily:
         L, shape (n,), with A - L c' stable.
     filter_poles
         p_j > 0, shape (f,), rad/s.
+    strictly_proper
+        Whether no controller of the family has a feedthrough.
     """
 
     model: PlantModel
     feedback: FloatArray
     injection: FloatArray
     filter_poles: FloatArray
+    strictly_proper: bool = False
 
     @classmethod
     def around_observer(
-        cls, model: PlantModel, filter_poles: FloatArray, *, rate: float
+        cls,
+        model: PlantModel,
+        filter_poles: FloatArray,
+        *,
+        rate: float,
+        strictly_proper: bool = False,
     ) -> YoulaFamily:
         """Family around a linear-quadratic regulator and observer of bandwidth about `rate`.
 
@@ -56,6 +81,8 @@ class YoulaFamily:
             p_j > 0, shape (f,), rad/s.
         rate
             rad/s.
+        strictly_proper
+            Whether no controller of the family has a feedthrough.
 
         Raises
         ------
@@ -65,12 +92,18 @@ class YoulaFamily:
         a, b, c = model.state_matrix, model.input_matrix, model.output_vector[:, None]
         feedback = _regulator(a, b, rate, Assumption.STABILIZABILITY)
         injection = -_regulator(a.T, c, rate, Assumption.DETECTABILITY)[0]
-        return cls(model=model, feedback=feedback, injection=injection, filter_poles=filter_poles)
+        return cls(
+            model=model,
+            feedback=feedback,
+            injection=injection,
+            filter_poles=filter_poles,
+            strictly_proper=strictly_proper,
+        )
 
     @property
     def coefficient_count(self) -> int:
         """Number of entries of theta: m for every filter."""
-        return self.model.input_count * (self.filter_poles.size + 1)
+        return self.model.input_count * (self.filter_poles.size + (not self.strictly_proper))
 
     def time_grid(self) -> FloatArray:
         """Times that resolve the fastest filter and reach the end of the slowest mode, s."""
@@ -109,6 +142,8 @@ class YoulaFamily:
         observer[n:, :n] = np.outer(self.filter_poles, c)
         observer[n:, n:] = -np.diag(self.filter_poles)
         signals = np.vstack([np.append(c, np.zeros(f)), np.eye(n + f)[n:]])
+        if self.strictly_proper:
+            signals = signals[1:]
         drives = np.concatenate(
             [
                 np.hstack([-b @ self.feedback, np.zeros((n, f))])[None],
@@ -116,7 +151,8 @@ class YoulaFamily:
             ]
         )
         start = np.zeros((self.coefficient_count + 1, n))
-        start[1 : m + 1] = b.T
+        if not self.strictly_proper:
+            start[1 : m + 1] = b.T
         path = _propagate(
             _Cascade(loop=a + b @ self.feedback, observer=observer, drives=drives),
             np.concatenate([-self.injection, self.filter_poles]),
@@ -124,6 +160,23 @@ class YoulaFamily:
             times,
         )
         return path[:, 0], np.moveaxis(path[:, 1:], 1, 2)
+
+    def jump(self, sizes: FloatArray) -> Jump:
+        """Constraint that u does not jump when w does; none unless the family is strictly proper.
+
+        A held command that may jump acts up to a period late, at random; one that does not acts
+        half a period late, but for a remainder of second order.
+
+        Parameters
+        ----------
+        sizes
+            Units of the coefficients, shape (`coefficient_count`,).
+        """
+        m = self.model.input_count
+        if not self.strictly_proper:
+            return Jump(slope=np.zeros((0, self.coefficient_count)), offset=np.zeros(0))
+        slope = np.kron(self.filter_poles, np.eye(m)) / sizes
+        return Jump(slope=slope, offset=self.feedback @ self.injection)
 
     def controller(self, theta: FloatArray) -> LinearController:
         """Controller of the coefficients theta, of order n + f.
@@ -136,6 +189,8 @@ class YoulaFamily:
         a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.output_vector
         n, m = b.shape
         f = self.filter_poles.size
+        if self.strictly_proper:
+            theta = np.concatenate([np.zeros(m), theta])
         gains = theta.reshape(f + 1, m).T
         direct = gains[:, 0]
         output = np.hstack([self.feedback - np.outer(direct, c), gains[:, 1:]])

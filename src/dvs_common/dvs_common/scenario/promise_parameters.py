@@ -1,0 +1,43 @@
+"""What the promise of a design covers beside the estimation error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvs_common.scenario.fields import ParameterGroup, parameter
+from dvs_common.scenario.nodes import CONTROLLER
+from dvs_common.scenario.schema import NON_NEGATIVE, Interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PromiseParameters(ParameterGroup):
+    """Bounds of what acts on the loop that runs; h_certified holds for all of them together."""
+
+    loop_latency: float = parameter(
+        0.0,
+        'Time from a luminosity sample to the instant at which its command acts',
+        nodes=(CONTROLLER,),
+        unit='s',
+        interval=Interval(low=0, high=10.0),
+    )
+    loop_latency_jitter: float = parameter(
+        0.0,
+        'Largest deviation from loop_latency, either way; at most loop_latency and half of '
+        'sampling_period',
+        nodes=(CONTROLLER,),
+        unit='s',
+        interval=NON_NEGATIVE,
+    )
+    disturbance_bound: tuple[float, ...] = parameter(
+        (),
+        'Largest disturbance of every input, 0, 1 or m entries; empty: none',
+        nodes=(CONTROLLER,),
+        unit='input',
+        interval=NON_NEGATIVE,
+    )
+    model_uncertainty: float = parameter(
+        0.0,
+        'Largest relative error of every entry of state_matrix and input_matrix',
+        nodes=(CONTROLLER,),
+        interval=Interval(low=0, high=0.99),
+    )

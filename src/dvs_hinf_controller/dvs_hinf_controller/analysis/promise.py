@@ -1,0 +1,319 @@
+"""The threshold up to which the loop that runs holds its tolerance, whatever acts on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
+from dvs_hinf_controller.analysis.peak_gain import PeakGains
+from dvs_hinf_controller.analysis.sampled_gains import Gains, SampledGains
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.operation import Operation
+from dvs_hinf_controller.problem import DesignProblem
+
+_BISECTIONS = 60
+_MOST_SECTOR = 18.0
+_ROUNDS = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """What a loop stays within for ever, in the limit.
+
+    Parameters
+    ----------
+    error
+        Bound of ``||x - x_d||``; infinite where the small-gain condition fails.
+    output
+        Bound of ``|c'(x - x_d)|``.
+    commands
+        Bound of every ``|u_o|``, feed-forward included, shape (m,).
+    """
+
+    error: float
+    output: float
+    commands: FloatArray
+
+
+class Promise:
+    """Bounds of one loop as functions of the sector of its pixels.
+
+    Every disturbance is a channel with a bound that is affine in the bounds of the loop's own
+    signals: the estimation error ``|w| <= delta (|c'x| + |D|)``, entrywise errors of A and B, a
+    command that acts early or late, what the camera interpolates. With the peak gains of all
+    channels in a nonnegative matrix K their bounds are ``z = K z + k0``, which has a solution if
+    the spectral radius of K is below one (docs/promise.md).
+
+    Parameters
+    ----------
+    problem
+        Plant, pixels and tolerance.
+    controller
+        K.
+    operation
+        How the loop runs and what acts on it.
+    rtol
+        Relative width that is aimed at in the peak gains.
+    """
+
+    def __init__(
+        self,
+        problem: DesignProblem,
+        controller: LinearController,
+        operation: Operation,
+        *,
+        rtol: float = 3e-4,
+    ) -> None:
+        self._problem, self._operation = problem, operation
+        model = problem.model
+        timing = Timing(period=operation.sampling_period, latency=operation.latency)
+        loop = LiftedLoop(model, controller, timing)
+        self.is_stable = loop.is_stable
+        self._kinks = timing.rest > 0 or operation.latency_jitter > 0
+        if not self.is_stable:
+            return
+        self._gains = gains = SampledGains(loop, rtol=rtol)
+        self._measurement = gains.of_measurement()
+        self._drives, self._pulses, self._inputs = [], [], []
+        if operation.model_uncertainty > 0:
+            self._drives = [gains.of_drive(row) for row in np.eye(model.state_count)]
+        if np.any(operation.disturbance_bound):
+            self._inputs = [gains.of_drive(column) for column in model.input_matrix.T]
+        if operation.latency_jitter > 0:
+            self._pulses = [
+                gains.of_pulse(column, operation.latency_jitter) for column in model.input_matrix.T
+            ]
+
+    def held(self, sector: FloatArray, *, start: FloatArray | None = None) -> Held:
+        """Bounds that hold for estimates in the given sectors.
+
+        Parameters
+        ----------
+        sector
+            delta_i, bound of ``|z_i - y_i| / y_i`` of every pixel, shape (r,).
+        start
+            ``x - x_d`` at the start, shape (n,), for bounds that hold from then on; None for
+            those that hold in the limit.
+        """
+        problem, m = self._problem, self._problem.model.input_count
+        nothing = Held(error=math.inf, output=math.inf, commands=np.full(m, math.inf))
+        if not self.is_stable:
+            return nothing
+        luminosity = np.abs(problem.set_point_luminosity)
+        bend, outer = 0.0, self._outer(start)
+        for _ in range(_ROUNDS):
+            constant = float(np.mean(sector * luminosity)) + bend
+            solved = self._solve(constant, float(sector.mean()), outer)
+            if solved is None or solved.output >= luminosity.min():
+                return nothing
+            grown = self._bend(solved, luminosity) * (1 + float(sector.max()))
+            if grown <= bend * (1 + 1e-6):
+                break
+            bend = grown * (1 + 1e-4)
+        else:
+            return nothing
+        return Held(
+            error=solved.error,
+            output=solved.output,
+            commands=solved.commands + np.abs(problem.equilibrium.feedforward),
+        )
+
+    def _solve(self, constant: float, share: float, outer: Gains) -> Gains | None:
+        """Bounds of the signals for ``|w| <= constant + share |c'x|``; None if there are none."""
+        channels = [self._measurement, *self._drives, *self._pulses]
+        matrix = np.array([self._answer(gains, share) for gains in channels]).T
+        offset = self._answer(outer, share) + self._offset(constant)
+        if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
+            return None
+        if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1:
+            return None
+        sizes = np.linalg.solve(np.eye(len(matrix)) - matrix, offset)
+        return _combined([*channels, outer], [*sizes.tolist(), 1.0])
+
+    def _outer(self, start: FloatArray | None) -> Gains:
+        """What the disturbances of the inputs do, together, and the start."""
+        channels, sizes = [self._measurement], [0.0]
+        if self._inputs:
+            channels, sizes = [*channels, *self._inputs], [0.0, *self._disturbance.tolist()]
+        if start is not None:
+            channels, sizes = [*channels, self._gains.free(start)], [*sizes, 1.0]
+        return _combined(channels, sizes)
+
+    def _answer(self, signals: Gains, share: float) -> FloatArray:
+        """Sizes of all channels that signals of these bounds bring about, but for constants."""
+        problem, operation = self._problem, self._operation
+        model, period = problem.model, operation.sampling_period
+        measured = share * signals.output
+        if operation.interpolates:
+            measured += period**2 / 8 * signals.output_curve
+            if self._kinks:
+                slopes = np.abs(model.output_vector @ model.input_matrix)
+                measured += period / 4 * float(slopes @ signals.changes)
+        errors = self._model_errors(signals.states, signals.commands)
+        return self._channels(measured + self._unseen(errors), errors, signals.changes)
+
+    def _offset(self, constant: float) -> FloatArray:
+        """Sizes that the channels have by themselves: luminosity, set-point, disturbances."""
+        equilibrium, model = self._problem.equilibrium, self._problem.model
+        errors = self._model_errors(np.abs(equilibrium.state), np.abs(equilibrium.feedforward))
+        disturbance = np.zeros(model.state_count)
+        if self._inputs:
+            disturbance = np.abs(model.input_matrix) @ self._disturbance
+        measured = constant + self._unseen(errors + disturbance)
+        return self._channels(measured, errors, np.zeros(model.input_count))
+
+    def _channels(self, measured: float, errors: FloatArray, changes: FloatArray) -> FloatArray:
+        parts = [np.array([measured])]
+        if self._drives:
+            parts.append(errors)
+        if self._pulses:
+            parts.append(changes)
+        return np.concatenate(parts)
+
+    @property
+    def _disturbance(self) -> FloatArray:
+        m = self._problem.model.input_count
+        return np.broadcast_to(self._operation.disturbance_bound, (m,))
+
+    def _model_errors(self, states: FloatArray, commands: FloatArray) -> FloatArray:
+        """Bound of ``|dA x + dB u|``, shape (n,)."""
+        model = self._problem.model
+        return np.asarray(
+            self._operation.model_uncertainty
+            * (np.abs(model.state_matrix) @ states + np.abs(model.input_matrix) @ commands)
+        )
+
+    def _unseen(self, drives: FloatArray) -> float:
+        """What a drive that jumps within a period hides from a camera that interpolates."""
+        if not self._operation.interpolates:
+            return 0.0
+        c, period = self._problem.model.output_vector, self._operation.sampling_period
+        curves = np.abs(c @ self._problem.model.state_matrix)
+        return float((period / 2 * np.abs(c) + period**2 / 8 * curves) @ drives)
+
+    def _bend(self, signals: Gains, luminosity: FloatArray) -> float:
+        """How far a straight line in log y bends away from one in y, over a period, on average."""
+        if not self._operation.interpolates:
+            return 0.0
+        travel = self._operation.sampling_period * signals.output_rate
+        ratio = travel / (luminosity - signals.output)
+        return float(np.mean((luminosity + signals.output) * ratio**2)) / 8
+
+
+class Continuous:
+    """The same question for the continuous loop with nothing but the sector (section 7).
+
+    Parameters
+    ----------
+    problem
+        Plant, pixels and tolerance.
+    gains
+        N_G and N_T.
+    """
+
+    def __init__(self, problem: DesignProblem, gains: PeakGains) -> None:
+        self._problem, self._gains = problem, gains
+
+    def held(self, sector: FloatArray) -> Held:
+        """Bounds that hold in the limit; see `Promise.held`.
+
+        Parameters
+        ----------
+        sector
+            delta_i, shape (r,).
+        """
+        luminosity = np.abs(self._problem.set_point_luminosity)
+        constant, share = float(np.mean(sector * luminosity)), float(sector.mean())
+        left = 1 - share * self._gains.output
+        none = np.full(self._problem.model.input_count, math.inf)
+        if not (left > 0 and math.isfinite(self._gains.state)):
+            return Held(error=math.inf, output=math.inf, commands=none)
+        size = constant / left
+        return Held(
+            error=self._gains.state * size, output=self._gains.output * size, commands=none
+        )
+
+
+def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Held]) -> float:
+    """Largest common sector delta with which the tolerance holds, in [0, 1]; NaN for none.
+
+    Infinite where every sector will do.
+
+    Parameters
+    ----------
+    problem
+        Pixels and tolerance.
+    held
+        Bounds by the sectors of the pixels.
+    """
+    ones = np.ones(problem.scene.pixel_count)
+    largest = _largest(
+        lambda level: held(math.tanh(level) * ones).error <= problem.tolerance, low=0.0
+    )
+    if math.isinf(largest):
+        return math.inf if largest > 0 else math.nan
+    return math.tanh(largest)
+
+
+def largest_threshold(problem: DesignProblem, held: Callable[[FloatArray], Held]) -> float:
+    """Largest h with which the tolerance holds, each pixel with what is known of its reference.
+
+    ``delta_i = tanh(h ln b + w_i)`` with ``w_i = ln(M_i / m_i) / 2``. Zero or negative: q(0) is
+    known too poorly; minus infinity: the tolerance fails at any threshold.
+
+    Parameters
+    ----------
+    problem
+        Pixels and tolerance.
+    held
+        Bounds by the sectors of the pixels.
+    """
+    widths = 0.5 * np.log(problem.bounds.upper / problem.bounds.lower)
+
+    def holds(step: float) -> bool:
+        sectors = sectors_at(problem, step / math.log(problem.log_base))
+        return held(sectors).error <= problem.tolerance
+
+    return _largest(holds, low=-float(widths.max())) / math.log(problem.log_base)
+
+
+def sectors_at(problem: DesignProblem, event_threshold: float) -> FloatArray:
+    """``delta_i = tanh(h ln b + w_i)`` of every pixel at one threshold, shape (r,) (Lemma 4).
+
+    Parameters
+    ----------
+    problem
+        Bounds of the references, and the base.
+    event_threshold
+        h.
+    """
+    widths = 0.5 * np.log(problem.bounds.upper / problem.bounds.lower)
+    return np.asarray(
+        np.tanh(np.maximum(event_threshold * math.log(problem.log_base) + widths, 0.0))
+    )
+
+
+def _largest(holds: Callable[[float], bool], *, low: float) -> float:
+    if not holds(low):
+        return -math.inf
+    high = _MOST_SECTOR
+    if holds(high):
+        return math.inf
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def _combined(gains: list[Gains], sizes: list[float]) -> Gains:
+    """Bounds of the sum of signals of these sizes, one through each of the channels."""
+    total = gains[0]
+    for name in Gains.__dataclass_fields__:
+        parts = [size * getattr(g, name) for g, size in zip(gains, sizes, strict=True) if size]
+        total = replace(total, **{name: sum(parts) if parts else 0 * getattr(total, name)})
+    return total

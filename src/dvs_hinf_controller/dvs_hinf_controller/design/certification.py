@@ -1,0 +1,159 @@
+"""What a controller promises for its problem, and what each part of the promise costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.analysis.peak_gain import PeakGains
+from dvs_hinf_controller.analysis.promise import (
+    Continuous,
+    Held,
+    Promise,
+    largest_threshold,
+    largest_uncertainty,
+    sectors_at,
+)
+from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.operation import Operation
+from dvs_hinf_controller.problem import DesignProblem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """What one part of the promise costs of the threshold.
+
+    Parameters
+    ----------
+    part
+        What was added to the promise.
+    threshold
+        Certified threshold with it and all parts before it.
+    """
+
+    part: str
+    threshold: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certification:
+    """Thresholds of a controller.
+
+    Parameters
+    ----------
+    h_continuous
+        For the continuous loop with nothing but the error of the estimate.
+    h_certified
+        For all parts of the promise together.
+    delta_certified
+        The same as a common relative error of all estimates; NaN if the tolerance fails at any.
+    costs
+        The parts, in the order in which they were added; the first is the continuous loop.
+    """
+
+    h_continuous: float
+    h_certified: float
+    delta_certified: float
+    costs: tuple[Cost, ...]
+
+
+def certify(
+    problem: DesignProblem, controller: LinearController, gains: PeakGains
+) -> Certification:
+    """Certified thresholds of a controller.
+
+    Parameters
+    ----------
+    problem
+        What is asked.
+    controller
+        K.
+    gains
+        Peak gains of the continuous loop.
+    """
+    held: Callable[[FloatArray], Held] = Continuous(problem, gains).held
+    continuous = certified = largest_threshold(problem, held)
+    costs = [Cost(part='continuous loop', threshold=continuous)]
+    for part, operation in _parts(problem.operation):
+        held = Promise(problem, controller, operation).held
+        certified = largest_threshold(problem, held)
+        costs.append(Cost(part=part, threshold=certified))
+    return Certification(
+        h_continuous=continuous,
+        h_certified=certified,
+        delta_certified=largest_uncertainty(problem, held),
+        costs=tuple(costs),
+    )
+
+
+def held_from(
+    problem: DesignProblem,
+    controller: LinearController,
+    event_threshold: float,
+    *,
+    start: FloatArray | None = None,
+) -> Held:
+    """Bounds of the loop that runs at one threshold.
+
+    Parameters
+    ----------
+    problem
+        What is asked, with an operation.
+    controller
+        K.
+    event_threshold
+        h.
+    start
+        ``x - x_d`` at the start, for bounds that hold from then on; None for the limit.
+    """
+    if problem.operation is None:
+        raise ValueError('a problem without an operation has no running loop')
+    promise = Promise(problem, controller, problem.operation)
+    return promise.held(sectors_at(problem, event_threshold), start=start)
+
+
+def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
+    """The operation built up part by part, those that it lacks left out."""
+    if operation is None:
+        return []
+    bare = Operation(sampling_period=operation.sampling_period, interpolates=False)
+    parts = [(f'commands held for {_time(operation.sampling_period)}', bare)]
+    steps: tuple[tuple[str, str, object, bool], ...] = (
+        (
+            f'latency {_time(operation.latency)}',
+            'latency',
+            operation.latency,
+            operation.latency > 0,
+        ),
+        (
+            f'jitter {_time(operation.latency_jitter)}',
+            'latency_jitter',
+            operation.latency_jitter,
+            operation.latency_jitter > 0,
+        ),
+        ('camera interpolates samples', 'interpolates', True, operation.interpolates),
+        (
+            'disturbance of the inputs',
+            'disturbance_bound',
+            operation.disturbance_bound,
+            bool(np.any(operation.disturbance_bound)),
+        ),
+        (
+            f'{100 * operation.model_uncertainty:g} % error of A and B',
+            'model_uncertainty',
+            operation.model_uncertainty,
+            operation.model_uncertainty > 0,
+        ),
+    )
+    for name, field, value, is_there in steps:
+        if is_there:
+            parts.append((name, replace(parts[-1][1], **{field: value})))  # type: ignore[arg-type]
+    return parts
+
+
+def _time(seconds: float) -> str:
+    return f'{seconds * 1e3:g} ms' if math.isfinite(seconds) else 'for ever'
