@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,6 +106,11 @@ class DesignProblem:
             ),
             initial_state=scenario.initial_state,
         )
+
+    @property
+    def continuous(self) -> DesignProblem:
+        """The same problem for the continuous loop of the paper, nothing else acting on it."""
+        return replace(self, operation=None)
 
     @property
     def set_point_luminosity(self) -> FloatArray:

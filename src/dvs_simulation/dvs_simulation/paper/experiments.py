@@ -121,21 +121,21 @@ def run_example(example: Example, pixels: int, method: str) -> Experiment:
         How the controller is found.
     """
     plain = scenario(example, pixels, event_threshold=RUN_THRESHOLD)
-    design = design_controller(DesignProblem.from_scenario(plain), method=method)
+    design = design_controller(DesignProblem.from_scenario(plain).continuous, method=method)
     return _experiment(design, ClosedLoop.from_scenario(plain, design.controller))
 
 
 def run_platform() -> Experiment:
     """The appendix' camera on its platform, with a structured controller."""
     plain = platform_scenario()
-    design = design_controller(DesignProblem.from_scenario(plain), method='structured')
+    design = design_controller(DesignProblem.from_scenario(plain).continuous, method='structured')
     return _experiment(design, ClosedLoop.from_scenario(plain, design.controller))
 
 
 def run_counterexample() -> Counterexample:
     """The counterexample at two thresholds, and limsup over many."""
     plain = scenario('mirror', 1)
-    problem = DesignProblem.from_scenario(plain)
+    problem = DesignProblem.from_scenario(plain).continuous
     controller = misled_controller(problem.model)
     figures = measure(problem, controller)
     design = Design(method='misled', problem=problem, controller=controller, figures=figures)
@@ -164,7 +164,7 @@ def threshold_curve(method: str) -> ThresholdCurve:
         How the controller is found.
     """
     plain = scenario('mirror', 1)
-    problem = DesignProblem.from_scenario(plain)
+    problem = DesignProblem.from_scenario(plain).continuous
     design = design_controller(problem, method=method)
     loop = ClosedLoop.from_scenario(plain, design.controller)
     thresholds = np.linspace(0.01, 0.3, 59)

@@ -75,7 +75,7 @@ def run_pixels_task(*, count: int, threshold: float, runs: int, seed: int) -> li
         Seed of the runs.
     """
     plain = scenario('mirror', count, event_threshold=threshold, offsets=pixel_layout(count))
-    design = design_controller(DesignProblem.from_scenario(plain), method='structured')
+    design = design_controller(DesignProblem.from_scenario(plain).continuous, method='structured')
     loop = ClosedLoop.from_scenario(plain, design.controller)
     rows: list[Row] = []
     for i in range(runs):

@@ -116,7 +116,7 @@ def run_threshold_task(
         Seed of the runs.
     """
     plain = scenario('mirror', pixels)
-    design = design_controller(DesignProblem.from_scenario(plain), method=method)
+    design = design_controller(DesignProblem.from_scenario(plain).continuous, method=method)
     loop = ClosedLoop.from_scenario(plain, design.controller)
     return [
         _row(
