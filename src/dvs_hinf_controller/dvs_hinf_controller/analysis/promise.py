@@ -240,7 +240,7 @@ class Continuous:
 
 
 def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Held]) -> float:
-    """Largest common sector delta with which the tolerance holds, in [0, 1]; NaN for none.
+    """Largest common sector delta with which the tolerance holds, in [0, 1]; 0 for none.
 
     Infinite where every sector will do.
 
@@ -256,7 +256,7 @@ def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Hel
         lambda level: held(math.tanh(level) * ones).error <= problem.tolerance, low=0.0
     )
     if math.isinf(largest):
-        return math.inf if largest > 0 else math.nan
+        return math.inf if largest > 0 else 0.0
     return math.tanh(largest)
 
 

@@ -50,7 +50,7 @@ class Certification:
     h_certified
         For all parts of the promise together.
     delta_certified
-        The same as a common relative error of all estimates; NaN if the tolerance fails at any.
+        The same as a common relative error of all estimates; 0 if the tolerance fails at any.
     costs
         The parts, in the order in which they were added; the first is the continuous loop.
     """

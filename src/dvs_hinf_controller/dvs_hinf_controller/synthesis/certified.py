@@ -191,7 +191,7 @@ def _score(problem: DesignProblem, controller: LinearController) -> float:
         return -math.inf
     held = Promise(problem, controller, problem.operation, rtol=_COMPARISON_RTOL).held
     found = largest_uncertainty(problem, held)
-    return -math.inf if math.isnan(found) else found
+    return found if found > 0 else -math.inf
 
 
 def peak_to_peak(
