@@ -1,5 +1,7 @@
 """Make figures and one self-contained HTML page of a recorded run, ours or by `ros2 bag`.
 
+Of the recording of a sensor, a driver's bag or a file, it is a figure of rates and of pixels.
+
 The scenario is the one stored in the bag, unless --params-file names another. Written beside the
 bag unless --output names a folder. The exit code is 0 if the report was made.
 """
@@ -49,9 +51,12 @@ def run(options: argparse.Namespace) -> int:
     from dvs_common.errors import ParameterError
     from dvs_common.scenario.scenario import load_scenario
     from dvs_common.writing import write_text
+    from dvs_event_camera.files.open_recording import is_sensor_recording
     from dvs_simulation.judging.figure import PANELS, panel_svg, save_figure
     from dvs_simulation.output_folder import output_folder
 
+    if options.params_file is None and is_sensor_recording(options.bag):
+        return _report_sensor(options)
     bag = chosen_bag(options)
     scenario = load_scenario(options.params_file) if options.params_file else bag.scenario
     name = options.params_file.stem if options.params_file else bag.scenario_name
@@ -82,6 +87,19 @@ def run(options: argparse.Namespace) -> int:
     for line in recorded.troubles:
         print(f'  note                 {line}')
     print(f'  report               {page}')
+    return 0
+
+
+def _report_sensor(options: argparse.Namespace) -> int:
+    from dvs_closed_loop.reports.sensor_report import report_sensor
+    from dvs_event_camera.files.open_recording import open_recording
+    from dvs_simulation.output_folder import output_folder
+
+    given = dict(pair.split(':=', 1) for pair in options.topic if ':=' in pair)
+    recording = open_recording(options.bag, given.get('events'))
+    damage = report_sensor(recording, output_folder(options.output or options.bag.parent))
+    if damage:
+        raise damage
     return 0
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dvs_common.wire.index_watch import IndexStep, Order
+from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.streams.sensor_events import SensorEvents
 
 # Events that a reader holds at a time, so that a file of any size fits the memory.
@@ -80,3 +81,25 @@ def stretch_of(events: SensorEvents) -> Stretch:
         A piece of the file.
     """
     return Stretch(events=events, end_ns=int(events.t[-1]) if len(events) else 0)
+
+
+def measured_size(recording: Recording) -> tuple[int, int]:
+    """Columns and rows of the sensor: as the recording says, or the least that hold all events.
+
+    Parameters
+    ----------
+    recording
+        The recording; read once through where it does not say.
+    """
+    if recording.width and recording.height:
+        return recording.width, recording.height
+    width = height = 0
+    try:
+        for stretch in recording.read():
+            if len(stretch.events):
+                width = max(width, int(stretch.events.x.max()) + 1)
+                height = max(height, int(stretch.events.y.max()) + 1)
+    except DamagedFile:
+        # Whoever reads on meets it again.
+        pass
+    return width, height

@@ -11,7 +11,7 @@ from pathlib import Path
 from dvs_common.errors import ParameterError, SuiteError
 from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.open_recording import open_recording
-from dvs_event_camera.files.recording import Recording
+from dvs_event_camera.files.recording import Recording, measured_size
 from dvs_event_camera.files.writers import FORMATS, LazyWriter, format_of
 
 _FAILED = 1
@@ -96,18 +96,7 @@ def _size_of(text: str | None, recording: Recording) -> tuple[int, int]:
         if not found:
             raise ParameterError('size', text, 'must be WIDTHxHEIGHT, such as 640x480')
         return int(found.group(1)), int(found.group(2))
-    if recording.width and recording.height:
-        return recording.width, recording.height
-    width = height = 0
-    try:
-        for stretch in recording.read():
-            if len(stretch.events):
-                width = max(width, int(stretch.events.x.max()) + 1)
-                height = max(height, int(stretch.events.y.max()) + 1)
-    except DamagedFile:
-        # Said when the events are written.
-        pass
-    return width, height
+    return measured_size(recording)
 
 
 if __name__ == '__main__':
