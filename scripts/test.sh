@@ -27,7 +27,7 @@ enter_workspace
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
 cd "$root"
 # A reader's own files, as the tutorial has them written, may be as they like.
-ours=(src test scripts conftest.py)
+ours=(src test scripts examples conftest.py)
 ruff format --check "${ours[@]}"
 ruff check "${ours[@]}"
 mypy
@@ -39,7 +39,7 @@ workers=$(nproc)
 chosen() {
     python -m pytest "$@" || { status=$?; [ $status = 5 ]; }    # 5: none of this kind was asked for
 }
-together=(-n "$workers" --dist loadfile --no-loadscope-reorder)
+together=(--durations 15 -n "$workers" --dist loadfile --no-loadscope-reorder)
 case $which in
     fast) chosen -m 'not processes and not wall_clock and not long' "${together[@]}" "$@" src ;;
     *)
