@@ -120,12 +120,13 @@ def test_a_look_up_by_name_would_be_found(tmp_path):
 # One home each: elsewhere they are imported.
 SINGLE_HOMES = {
     'dvs_common.arrays': r'^FloatArray = ',
+    'dvs_common.node.session': r'\bEventsExecutor\(|\brclpy\.init\(',
     'dvs_common.nanoseconds': r'_ns\b[^\n]* \* 1e-9|_s\b[^\n]* \* 1e9\b|\b1_000_000_000\b',
 }
 
 
 @pytest.mark.parametrize('home', SINGLE_HOMES)
-def test_arrays_and_nanoseconds_have_one_home(home):
+def test_arrays_nanoseconds_and_the_start_of_ros_have_one_home(home):
     elsewhere = {
         name
         for name, path in MODULES.items()

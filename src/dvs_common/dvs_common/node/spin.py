@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from rclpy.executors import ExternalShutdownException
@@ -14,6 +15,7 @@ from dvs_common.errors import ParameterError
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.node.session import RosSession, own_arguments, ros_session
 from dvs_common.program import ignore_signals
+from dvs_common.scenario.parameter_file import read_parameter_file
 
 _USAGE_ERROR = 2
 _USAGE = 'all that is for ROS follows --ros-args: --ros-args --params-file FILE -p NAME:=VALUE'
@@ -52,7 +54,10 @@ def run_nodes(
             return answer
         with ros_session(command_line) as ros:
             try:
-                return _spin(ros, [ros.add(factory()) for factory in factories])
+                nodes = [ros.add(factory()) for factory in factories]
+                for path in _parameter_files(command_line):
+                    _warn_of_a_file_for_others(path, nodes)
+                return _spin(ros, nodes)
             finally:
                 ignore_signals()
     except ParameterError as error:
@@ -73,6 +78,20 @@ def _answer(command_line: Sequence[str], options: Sequence[str]) -> int | None:
             print(f'cannot start: unknown argument {argument}; {_USAGE}', file=sys.stderr)
             return _USAGE_ERROR
     return None
+
+
+def _parameter_files(command_line: Sequence[str]) -> list[str]:
+    return [path for option, path in pairwise(command_line) if option == '--params-file']
+
+
+def _warn_of_a_file_for_others(path: str, nodes: Sequence[ManagedNode]) -> None:
+    """Warn a node that gets nothing from a file: ROS passes it over without a word."""
+    sections = read_parameter_file(path).sections
+    for node in nodes:
+        name = node.get_fully_qualified_name()
+        if not any(section.matches(name) for section in sections):
+            keys = ', '.join(section.key for section in sections)
+            node.get_logger().warning(f'{path} has nothing for {name}; it has values for {keys}')
 
 
 def _spin(ros: RosSession, nodes: Sequence[ManagedNode]) -> int:
