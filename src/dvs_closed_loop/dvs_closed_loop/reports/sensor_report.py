@@ -13,7 +13,7 @@ from dvs_common.writing import whole_file
 from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.recording import Recording, measured_size
 from dvs_event_camera.streams.sensor_events import SensorEvents
-from dvs_event_camera.streams.stream_statistics import StreamStatistics
+from dvs_event_camera.tools.stream_statistics import StreamStatistics
 
 _BIN_NS = 10_000_000
 # Twenty-eight hours; what comes later counts there, so that no broken time fills the memory.
