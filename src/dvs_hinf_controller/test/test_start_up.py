@@ -48,10 +48,17 @@ def test_the_sector_is_that_of_the_running_threshold(design):
 
 
 def test_nothing_is_warned_of_below_the_bounds(design):
-    h_star = design.figures.h_star
+    certified = design.figures.h_certified
     longest = design.figures.max_sampling_period
 
-    assert report(design, threshold=h_star, period=longest).warnings == ()
+    assert report(design, threshold=certified, period=longest).warnings == ()
+
+
+def test_a_threshold_beyond_h_certified_is_warned_of(design):
+    warnings = report(design, threshold=design.figures.h_certified * 1.001).warnings
+
+    assert len(warnings) == 1
+    assert 'exceeds h_certified = ' in warnings[0]
 
 
 def test_a_threshold_beyond_h_star_is_warned_of(design):

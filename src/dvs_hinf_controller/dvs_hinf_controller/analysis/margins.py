@@ -13,6 +13,7 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.state_space import StateSpace
 
 _POINTS_PER_DECADE = 400
+_REAL = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +62,8 @@ def margins(model: PlantModel, controller: LinearController) -> Margins:
     turns = np.floor((phase + math.pi) / (2 * math.pi))
     at_minus_one = np.flatnonzero(np.diff(turns) != 0)
     gains = np.exp(-(size[at_minus_one] + size[at_minus_one + 1]) / 2)
+    if loop[0].real < 0 and abs(loop[0].imag) < _REAL * abs(loop[0]):  # a crossing at w = 0
+        gains = np.append(gains, 1 / abs(loop[0]))
     crossings = np.flatnonzero(np.diff(np.sign(size)) != 0)
     ahead = np.mod(phase[crossings] + math.pi, 2 * math.pi)
     return Margins(

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+from dvs_hinf_controller.analysis.margins import margins
+from dvs_hinf_controller.analysis.promise import Held
+from dvs_hinf_controller.design.certification import held_from
 from dvs_hinf_controller.design.design import Design, DesignFigures
 
 
@@ -21,7 +24,7 @@ def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
     """
     problem = designs[0].problem
     rows = [['', *(design.method for design in designs)]]
-    columns = [_cells(design.figures, event_threshold) for design in designs]
+    columns = [_cells(design, event_threshold) for design in designs]
     rows += [[name, *(column[name] for column in columns)] for name in columns[0]]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     head = (
@@ -36,7 +39,8 @@ def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
     return '\n'.join([head, '', *lines])
 
 
-def _cells(figures: DesignFigures, event_threshold: float) -> dict[str, str]:
+def _cells(design: Design, event_threshold: float) -> dict[str, str]:
+    figures = design.figures
     return {
         'gamma = sqrt(1 + ||c||^2) ||G||_inf': f'{figures.gamma:.5g}',
         'mu, upper bound': f'{figures.mu_upper:.5g}',
@@ -54,6 +58,7 @@ def _cells(figures: DesignFigures, event_threshold: float) -> dict[str, str]:
         'h certified (guaranteed)': _threshold(figures.h_certified),
         'h <= h*': _word(event_threshold <= figures.h_star),
         'h <= h certified': _word(event_threshold <= figures.h_certified),
+        **_margin_rows(design),
         'controller order': f'{figures.controller_order}',
         'fastest controller pole [rad/s]': f'{figures.fastest_pole:.4g}',
         'slowest closed-loop pole [1/s]': f'{figures.closed_loop_abscissa:.4g}',
@@ -71,6 +76,50 @@ def _cost_rows(figures: DesignFigures) -> dict[str, str]:
         if after.threshold == before.threshold:
             rows[f'  {after.part}'] = 'costs nothing'
     return rows
+
+
+def _margin_rows(design: Design) -> dict[str, str]:
+    if design.figures.state_peak_gain == 0:
+        return {'feedback': 'none: u is constant'}
+    found = margins(design.problem.model, design.controller)
+    return {
+        'gain margin, factors': f'{found.gain_down:.3g} ... {found.gain_up:.3g}',
+        'phase margin [degrees]': f'{math.degrees(found.phase):.3g}',
+        'delay margin [ms]': f'{found.delay * 1e3:.3g}',
+    }
+
+
+def promise_text(design: Design, event_threshold: float) -> str:
+    """What the loop that runs stays within at one threshold: for ever, and from its start on.
+
+    Parameters
+    ----------
+    design
+        Design of a problem with an operation.
+    event_threshold
+        h.
+    """
+    problem = design.problem
+    held = held_from(problem, design.controller, event_threshold)
+    lines = [
+        f'{design.method}, h = {event_threshold:g}:',
+        f'  in the limit    ||x - x_d|| <= {_bound(held.error)}, {_command(held)}',
+    ]
+    if problem.initial_state is not None:
+        start = problem.initial_state - problem.equilibrium.state
+        held = held_from(problem, design.controller, event_threshold, start=start)
+        lines.append(f'  from its start  ||x - x_d|| <= {_bound(held.error)}, {_command(held)}')
+        light = 'light stays on' if math.isfinite(held.error) else 'not proven that light stays on'
+        lines.append(f'  transient       {light}')
+    return '\n'.join(lines)
+
+
+def _command(held: Held) -> str:
+    return f'|u_o| <= [{", ".join(map(_bound, held.commands.tolist()))}]'
+
+
+def _bound(value: float) -> str:
+    return f'{value:.4g}' if math.isfinite(value) else 'no bound'
 
 
 def _threshold(h: float) -> str:

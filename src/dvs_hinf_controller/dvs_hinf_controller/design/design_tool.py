@@ -21,7 +21,7 @@ from dvs_hinf_controller.design.design import (
     design_from_scenario,
     save_design,
 )
-from dvs_hinf_controller.design.design_report import report_text
+from dvs_hinf_controller.design.design_report import promise_text, report_text
 from dvs_hinf_controller.design.start_up import darkness_warnings
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
@@ -96,6 +96,10 @@ def _run(options: argparse.Namespace) -> None:
         scenario = with_pixels(scenario, options.pixels)
     if options.method:
         scenario = scenario.replace(method=options.method)
+    if options.tolerance is not None:
+        scenario = scenario.replace(tolerance=options.tolerance)
+    if options.threshold is not None:
+        scenario = scenario.replace(event_threshold=options.threshold)
     designs = _compared(scenario) if options.compare else [design_from_scenario(scenario)]
     _print(designs, scenario, as_json=options.json, as_list=options.compare)
     if options.figure:
@@ -153,6 +157,8 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool, as_l
         print(json.dumps(objects if as_list else objects[0], indent=1))
         return
     print(report_text(designs, event_threshold=scenario.sensor.event_threshold))
+    for design in designs:
+        print('\n' + promise_text(design, scenario.sensor.event_threshold))
     problem: DesignProblem = designs[0].problem
     if problem.equilibrium.residual > 0:
         point = ', '.join(f'{value:.6g}' for value in problem.equilibrium.state)
@@ -160,6 +166,19 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool, as_l
     for warning in darkness_warnings(problem, scenario.sensor.photoreceptor):
         print(f'warning: {warning}', file=sys.stderr)
     for design in designs:
+        if scenario.sensor.event_threshold > design.figures.h_certified:
+            print(
+                f'warning: {design.method}: event_threshold = '
+                f'{scenario.sensor.event_threshold:g} exceeds h_certified = '
+                f'{design.figures.h_certified:.4g}: nothing is promised',
+                file=sys.stderr,
+            )
+        if design.figures.state_peak_gain == 0:
+            print(
+                f'warning: {design.method}: no feedback at all, u is constant: nothing acts '
+                'against an error of the plant (model_uncertainty) or a disturbance',
+                file=sys.stderr,
+            )
         if scenario.loop.sampling_period > design.figures.max_sampling_period:
             print(
                 f'warning: {design.method}: at sampling_period = '
@@ -180,6 +199,12 @@ def _parser() -> argparse.ArgumentParser:
         '--method',
         metavar='METHOD',
         help=f"{', '.join(method_names())} or file; default: the scenario's method",
+    )
+    parser.add_argument(
+        '--threshold', type=float, metavar='H', help='which tolerance does this h hold?'
+    )
+    parser.add_argument(
+        '--tolerance', type=float, metavar='EPS', help="tolerance instead of the scenario's"
     )
     parser.add_argument('--compare', action='store_true', help='all methods side by side')
     parser.add_argument('--json', action='store_true', help='print JSON (--compare: a list)')

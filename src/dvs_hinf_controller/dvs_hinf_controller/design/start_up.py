@@ -66,6 +66,11 @@ def start_up_report(
             f'event_threshold = {event_threshold:.6g} exceeds h* = {figures.h_star:.6g}: '
             'regulation to within tolerance is not even published'
         )
+    elif event_threshold > figures.h_certified:
+        warnings.append(
+            f'event_threshold = {event_threshold:.6g} exceeds h_certified = '
+            f'{figures.h_certified:.6g}: nothing is promised for the loop that runs'
+        )
     if not figures.small_gain_ok:
         warnings.append(
             'delta* ||Gw1||_inf >= 1: the small-gain condition behind h* does not hold, so h* '
