@@ -7,9 +7,9 @@ import pytest
 
 from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.analysis.plant_rates import control_rate, plant_rate
 from dvs_hinf_controller.design import design_controller
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.synthesis.units import control_rate, plant_rate
 
 
 def model(a, b, c) -> PlantModel:

@@ -19,8 +19,8 @@ from dvs_hinf_controller.analysis.kernel import (
     stacked_outputs,
     trapezoidal_weights,
 )
+from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.synthesis.units import plant_rate
 
 _FLOORS = (1e-6, 1e-3, 1.0)
 _FASTEST_DECAY = 100.0

@@ -15,6 +15,7 @@ from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
 from dvs_hinf_controller.analysis.kernel import trapezoidal_weights
 from dvs_hinf_controller.analysis.peak_gain import peak_gains
+from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.analysis.promise import Promise, largest_uncertainty
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
@@ -25,7 +26,7 @@ from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
-from dvs_hinf_controller.synthesis.units import Units, plant_rate
+from dvs_hinf_controller.synthesis.units import Units
 from dvs_hinf_controller.synthesis.youla import Jump, YoulaFamily
 
 # Filter poles: about an octave apart, up to this multiple of the plant's own rate.

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.plant_rates import control_rate, plant_rate
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, state_response
 from dvs_hinf_controller.synthesis.hinf_synthesis import (
@@ -20,7 +21,7 @@ from dvs_hinf_controller.synthesis.hinf_synthesis import (
 from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
-from dvs_hinf_controller.synthesis.units import Units, control_rate, plant_rate
+from dvs_hinf_controller.synthesis.units import Units
 
 # Roll-offs that are tried, relative to the plant's own rate.
 _FASTEST = (1e4, 1e3, 1e2)

@@ -9,12 +9,13 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.mu import log_grid, mu_bounds
+from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.state_space import ComplexArray, state_response
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
-from dvs_hinf_controller.synthesis.units import Units, plant_rate
+from dvs_hinf_controller.synthesis.units import Units
 from dvs_hinf_controller.synthesis.weight_fit import fit_magnitude
 
 _MAX_ITERATIONS = 8

@@ -9,49 +9,10 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.options import DesignOptions
-
-_NO_RATE = 1e-9
-
-
-def plant_rate(model: PlantModel) -> float:
-    """The plant's own rate: its fastest mode; the norm of A for chains of integrators, rad/s.
-
-    Without any dynamics (A = 0) 1 rad/s.
-
-    Parameters
-    ----------
-    model
-        Plant.
-    """
-    size = float(np.linalg.norm(model.state_matrix, 2))
-    rate = float(np.max(np.abs(np.linalg.eigvals(model.state_matrix))))
-    if rate > _NO_RATE * size:
-        return rate
-    return size if size > 0 else 1.0
-
-
-def control_rate(model: PlantModel) -> float:
-    """Rate at which the plant must be controlled: its fastest unstable mode, rad/s.
-
-    A stable plant's slowest mode; a fast stable mode asks for nothing. The `plant_rate` where no
-    such mode has a rate.
-
-    Parameters
-    ----------
-    model
-        Plant.
-    """
-    whole = plant_rate(model)
-    modes = np.linalg.eigvals(model.state_matrix)
-    rates = np.abs(modes)
-    unstable = rates[(modes.real > -_NO_RATE * whole) & (rates > _NO_RATE * whole)]
-    if unstable.size:
-        return float(unstable.max())
-    moving = rates[rates > _NO_RATE * whole]
-    return float(moving.min()) if moving.size else whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
