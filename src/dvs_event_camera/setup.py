@@ -16,11 +16,11 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
-    install_requires=['dvs_common', 'numpy>=1.26'],
+    install_requires=['dvs_common', 'numpy>=1.26', 'tqdm>=4.64'],
     extras_require={
         'bags': ['rosbags>=0.11', 'PyYAML>=6.0', 'evt3>=0.4.1', 'lz4>=4.0', 'zstandard>=0.18'],
         'files': ['aedat>=2.3', 'evt3>=0.4.1', 'h5py>=3.8'],
-        'images': ['Pillow>=9.5'],
+        'images': ['opencv-python-headless>=4.6', 'Pillow>=9.5'],
         'numba': ['numba>=0.59'],
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
         'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3'],
@@ -33,6 +33,7 @@ setup(
     entry_points={
         'console_scripts': [
             'convert_events = dvs_event_camera.programs:convert_events',
+            'dvs_event_camera = dvs_event_camera.programs:dvs_event_camera',
             'event_camera = dvs_event_camera.programs:event_camera',
             'packet_bridge = dvs_event_camera.programs:packet_bridge',
             'scene = dvs_event_camera.programs:scene',

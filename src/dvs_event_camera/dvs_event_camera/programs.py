@@ -10,6 +10,11 @@ def convert_events() -> int:
     return run_program('dvs_event_camera.tools.convert_events')
 
 
+def dvs_event_camera() -> int:
+    """Run the tools that need no ROS."""
+    return run_program('dvs_event_camera.cli')
+
+
 def event_camera() -> int:
     """Run the node `event_camera`."""
     return run_program('dvs_event_camera.event_camera_node')
