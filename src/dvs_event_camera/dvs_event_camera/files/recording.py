@@ -100,6 +100,6 @@ def measured_size(recording: Recording) -> tuple[int, int]:
                 width = max(width, int(stretch.events.x.max()) + 1)
                 height = max(height, int(stretch.events.y.max()) + 1)
     except DamagedFile:
-        # Whoever reads on meets it again.
+        # A reader that goes on meets it again.
         pass
     return width, height
