@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
+
+from dvs_event_camera.pixels.kernel_cache import kernel
 
 # Characters of the longest number, its sign included.
 LONGEST = 20
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def format_rows(values: Any, digits: Any, ends: Any, out: Any) -> int:
     """Write rows of whole numbers; return the number of characters.
 

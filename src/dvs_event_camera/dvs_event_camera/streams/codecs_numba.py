@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
+from dvs_event_camera.pixels.kernel_cache import kernel
 
 # libcaer_cmp: four bits of code, twelve of content.
 _TIME_HIGH, _TIME_LOW, _ADDRESS_X, _ADDRESS_Y, _BASE_Y, _VECTOR_8 = range(6)
 _EVT3_TRIGGER = 0xA
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def count_caer(words: Any) -> int:
     """Count the events in libcaer_cmp words, wherever they lie.
 
@@ -38,7 +38,7 @@ def count_caer(words: Any) -> int:
     return events
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def decode_caer(
     words: Any, time_base: int, width: int, height: int, t: Any, x: Any, y: Any, p: Any
 ) -> int:
@@ -94,7 +94,7 @@ def decode_caer(
     return number
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def count_evt3_triggers(words: Any) -> int:
     """Count the trigger edges in EVT 3.0 words.
 
@@ -109,7 +109,7 @@ def count_evt3_triggers(words: Any) -> int:
     return found
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def date_evt3(micro: Any, x: Any, y: Any, width: int, height: int, t: Any) -> int:
     """Times in nanoseconds; return how many events lie outside the sensor.
 
@@ -139,7 +139,7 @@ _EVT2_OVERFLOW = 2**28
 _EVT2_ROLLED = 2**28 - 1 - 10_000 // 64
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def count_evt2(words: Any, masks: Any) -> tuple[int, int]:
     """Count the events and trigger edges in EVT 2.0 or 2.1 words.
 
@@ -161,7 +161,7 @@ def count_evt2(words: Any, masks: Any) -> tuple[int, int]:
     return events, triggers
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def decode_evt2(
     words: Any, masks: Any, state: Any, t: Any, x: Any, y: Any, p: Any, edges: Any
 ) -> tuple[int, int]:

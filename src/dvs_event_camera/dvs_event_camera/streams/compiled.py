@@ -6,8 +6,6 @@ numba takes a second to import.
 from __future__ import annotations
 
 import importlib
-import tempfile
-from pathlib import Path
 from typing import Any
 
 from dvs_common.errors import ParameterError
@@ -30,8 +28,3 @@ def compiled(module: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         raise ParameterError('module', module, 'needs the Python package numba') from None
-    except RuntimeError:
-        # Neither the package's folder nor the user's can be written to.
-        numba = importlib.import_module('numba')
-        numba.config.CACHE_DIR = str(Path(tempfile.gettempdir()) / 'dvs_numba_cache')
-        return importlib.import_module(module)
