@@ -26,6 +26,7 @@ KEYS = {
     'ament_index_python': 'ament_index_python',
     'h5py': 'python3-h5py',
     'hypothesis': 'python3-hypothesis',
+    'jinja2': 'python3-jinja2',
     'lz4': 'python3-lz4',
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
@@ -40,7 +41,7 @@ KEYS = {
 WITHOUT_KEY = {'aedat', 'distributed', 'evt3', 'mcap', 'mpmath', 'zstandard'}
 # Used where they are installed; nothing fails without them.
 OPTIONAL = {'cv2', 'dvs_msgs', 'event_camera_msgs', 'hdf5plugin'}
-PYPI_NAMES = {'PIL': 'Pillow', 'yaml': 'PyYAML'}
+PYPI_NAMES = {'PIL': 'Pillow', 'jinja2': 'Jinja2', 'yaml': 'PyYAML'}
 # A message class that is imported by its name.
 MESSAGE_TYPE = re.compile(r'\w+/msg/\w+')
 NOT_ON_PYPI = re.compile(r'.*_msgs|rcl_interfaces|rclpy|launch|launch_ros|ament_index_python')

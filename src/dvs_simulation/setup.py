@@ -9,7 +9,7 @@ setup(
     name=package_name,
     version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed', '*.pyi']},
+    package_data={package_name: ['py.typed', '*.pyi', 'paper/*.j2']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -19,6 +19,7 @@ setup(
         'dvs_event_camera',
         'dvs_hinf_controller',
         'dvs_plant_sim',
+        'Jinja2>=3.1',
         'numpy>=1.26',
         'scipy>=1.11',
         'tqdm>=4.64',
