@@ -179,6 +179,7 @@ class EventCameraNode(ManagedNode):
         self._frames += 1
         if exposure.restart_reason:
             self._restarts += 1
+            self._events.forget()
             self.get_logger().warning(
                 f'sensor started again, all references with it: {exposure.restart_reason}'
             )

@@ -131,6 +131,8 @@ class HinfControllerNode(ManagedNode):
         report = self._controller.take(packet)
         self._repeated += report.repeated
         self._stamp_ns = packet.stamp_ns
+        if report.restarted:
+            self._command_publisher.forget()
         self._publish_command(packet.stamp_ns, self._controller.command)
         if self._estimate_publisher.wanted:
             self._estimate_publisher.publish(

@@ -91,10 +91,8 @@ class StreamNode(ParameterNode):
         self._looking.append(publisher)
         return publisher
 
-    def advertise_token(
-        self, message_type: type, topic: str, qos: QoSProfile
-    ) -> Publisher | TokenPublisher:
-        """Publisher of what a lockstep partner waits for, in realtime just `advertise`.
+    def advertise_token(self, message_type: type, topic: str, qos: QoSProfile) -> TokenPublisher:
+        """Publisher of what a lockstep partner waits for; in realtime nobody does.
 
         Parameters
         ----------
@@ -105,11 +103,15 @@ class StreamNode(ParameterNode):
         qos
             Quality of service; latched in lockstep.
         """
-        publisher = self.advertise(message_type, topic, qos)
-        if qos.durability != DurabilityPolicy.TRANSIENT_LOCAL:
-            return publisher
-        token = TokenPublisher(self, publisher)
-        self._looking.append(token)
+
+        def renewed(publisher: Publisher) -> Publisher:
+            self._entities.remove((self.destroy_publisher, publisher))
+            self.destroy_publisher(publisher)
+            return self.advertise(message_type, topic, qos)
+
+        token = TokenPublisher(self, self.advertise(message_type, topic, qos), renewed)
+        if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            self._looking.append(token)
         return token
 
     def listen(

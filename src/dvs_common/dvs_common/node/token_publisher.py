@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
@@ -19,11 +21,16 @@ class TokenPublisher:
         Node of the publisher.
     publisher
         Publisher of the topic.
+    renewed
+        Takes a publisher down and returns a new one of the same topic.
     """
 
-    def __init__(self, node: Node, publisher: Publisher) -> None:
+    def __init__(
+        self, node: Node, publisher: Publisher, renewed: Callable[[Publisher], Publisher]
+    ) -> None:
         self._node = node
         self._publisher = publisher
+        self._renewed = renewed
         self._last: bytes | None = None
         self._met: set[bytes] = set()
 
@@ -37,6 +44,14 @@ class TokenPublisher:
         """
         self._last = message
         self._publisher.publish(message)
+
+    def forget(self) -> None:
+        """Drop what is latched, when time has begun anew: a late reader must not take it for new.
+
+        The middleware gives up the history of a publisher with the publisher alone.
+        """
+        self._last = None
+        self._publisher = self._renewed(self._publisher)
 
     def look(self) -> None:
         """Send the last message again if a subscriber came that can't have it."""
