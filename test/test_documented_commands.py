@@ -128,3 +128,22 @@ def test_the_reader_of_pages_sees_blocks_files_and_reasons(tmp_path):
     assert reason.not_run == 'a good reason'
     assert (file.file, file.body) == ('a/b.py', 'x = 1\n')
     assert console.language == 'console'
+
+
+def python_blocks(page):
+    return [b for b in blocks_of(page) if b.language == 'python' and not (b.file or b.not_run)]
+
+
+@pytest.mark.parametrize('page', [page for page in PAGES if python_blocks(page)], ids=name_of)
+def test_every_python_snippet_of_a_page_runs(page, domain, tmp_path):
+    folder = sandbox(tmp_path / 'checkout')
+    program = '\n'.join(block.body for block in python_blocks(page))
+    run = subprocess.run(
+        [ROOT / 'scripts' / 'run.sh', ROOT / '.venv' / 'bin' / 'python', '-c', program],
+        cwd=folder,
+        env=environment(domain),
+        capture_output=True,
+        text=True,
+    )
+
+    assert run.returncode == 0, run.stderr
