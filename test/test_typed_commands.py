@@ -214,6 +214,11 @@ TYPED = (
         runs_until_ctrl_c(r'event threshold h +0\.15'),
         CTRL_C,
     ),
+    Rule(
+        RUN + 'dvs_event_camera dvs_event_camera simulate_video .*',
+        is_understood,
+        'src/dvs_event_camera/test/test_simulate_video.py runs it on a small video',
+    ),
     Rule(RUN + 'dvs_event_camera scene disc', runs_until_ctrl_c(), CTRL_C),
     Rule(
         RUN + 'dvs_event_camera show_events',
