@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Speed of the event camera on one core: ideal pixels, a drifting pattern, sorted int64-ns stamps.
+"""Speed of the event camera on one core: all modes, dense and sparse scene, sorted stamps.
 
 Ratios are of CPU seconds measured in one run, the contestants taking turns, so that they hold on
 a busy machine too.
@@ -13,32 +13,60 @@ import json
 import platform
 import time
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.events import pack_events
 from dvs_common.wire.messages import pack_image
 from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.pixel_array import PixelArray
 from dvs_event_camera.streams.image_source import parse_luminosity
 
 THRESHOLD = 0.15
 PERIOD_NS = 1_000_000
-_STILL, _ONE_PASS = 'frame without events', 'one pass (add two frames)'
+# Pixels by which the pattern drifts from frame to frame.
+DENSE, SPARSE = 0.4, 0.04
 Frames = list[np.ndarray]
 
+MODES: dict[str, dict[str, Any]] = {
+    'hermite': {'interpolation': 'hermite'},
+    'threshold mismatch': {'imperfections': Imperfections(threshold_mismatch=0.03)},
+    'refractory period': {'imperfections': Imperfections(refractory_period=1e-4)},
+    'shot noise': {'imperfections': Imperfections(shot_noise_rate=5.0)},
+    'physical reset': {'imperfections': Imperfections(reset='level')},
+    'leak': {'imperfections': Imperfections(leak_rate=0.1)},
+    'low-pass': {'imperfections': Imperfections(cutoff_frequency=200.0)},
+    'latency and jitter': {'imperfections': Imperfections(latency=1e-4, jitter=1e-5)},
+    'all, with labels': {
+        'imperfections': Imperfections(
+            threshold_mismatch=0.03,
+            refractory_period=1e-4,
+            shot_noise_rate=5.0,
+            leak_rate=0.1,
+            cutoff_frequency=200.0,
+            hot_pixel_fraction=1e-3,
+            dead_pixel_fraction=1e-3,
+            jitter=1e-5,
+        ),
+        'label_noise': True,
+    },
+}
 
-def drifting_pattern(height: int, width: int, count: int) -> Frames:
-    """Two crossed gratings that drift by 0.4 pixels a frame; luminosity 0.2 to 5."""
+
+def drifting_pattern(height: int, width: int, count: int, drift: float) -> Frames:
+    """Two crossed gratings that drift by `drift` pixels a frame; luminosity 0.2 to 5."""
     x, y = np.arange(width), np.arange(height)[:, None]
     phase = 2 * np.pi / 40
     frames = []
     for k in range(count):
-        first = np.sin(phase * (x + 0.3 * y - 0.4 * k))
-        second = np.sin(phase * (y - 0.4 * x + 0.4 * k))
+        first = np.sin(phase * (x + 0.3 * y - drift * k))
+        second = np.sin(phase * (y - 0.4 * x + drift * k))
         frames.append(np.exp(first + 0.6 * second))
     return frames
 
@@ -82,10 +110,22 @@ class Straightforward:
         return t[order], x[order], y[order], polarity[order]
 
 
-def core_updater(backend: str, first: np.ndarray) -> Callable[[int, np.ndarray], int]:
+def started_pixels(first: np.ndarray, **mode: Any) -> PixelArray:
+    """Pixels in the midst of their life: references anywhere within a threshold of the light."""
+    light = first.reshape(-1).astype(np.float64)
+    bounds = ReferenceBounds(
+        lower=light * np.exp(-0.99 * THRESHOLD), upper=light * np.exp(0.99 * THRESHOLD)
+    )
+    pixels = PixelArray(
+        event_threshold=THRESHOLD, bounds=bounds, initial_reference='random', **mode
+    )
+    pixels.update(0, first)
+    return pixels
+
+
+def core_updater(first: np.ndarray, **mode: Any) -> Callable[[int, np.ndarray], int]:
     """Update function of a pixel array that returns the number of events."""
-    array = PixelArray(event_threshold=THRESHOLD, backend=backend)
-    array.update(0, first)
+    array = started_pixels(first, **mode)
     return lambda stamp_ns, frame: len(array.update(stamp_ns, frame))
 
 
@@ -113,34 +153,124 @@ def message_updater(first: np.ndarray) -> Callable[[int, bytes], int]:
     return update
 
 
-def measure_size(height: int, width: int, count: int, rounds: int) -> dict[str, float]:
-    """CPU seconds a frame of all contestants, and events a frame."""
-    frames = drifting_pattern(height, width, count)
+Timer = Callable[[], float]
+
+
+class Race:
+    """Contestants that take turns; the best time of each counts."""
+
+    def __init__(self, frames: Sequence[Any], clock: Timer = time.process_time) -> None:
+        self._frames, self._clock = frames, clock
+        self.seconds: dict[str, float] = {}
+        self.events: dict[str, float] = {}
+
+    def run(
+        self, name: str, update: Callable[[int, Any], int], frames: Sequence[Any] = ()
+    ) -> None:
+        """Seconds and events a frame, after one frame to warm up."""
+        frames = frames or self._frames
+        update(PERIOD_NS, frames[1])
+        begin = self._clock()
+        found = sum(update(k * PERIOD_NS, frames[k]) for k in range(2, len(frames)))
+        spent = (self._clock() - begin) / (len(frames) - 2)
+        self.seconds[name] = min(spent, self.seconds.get(name, np.inf))
+        self.events[name] = found / (len(frames) - 2)
+
+    def speed(self, name: str) -> float:
+        """Million events a second."""
+        return self.events[name] / self.seconds[name] / 1e6
+
+    def show(self) -> None:
+        """Print a line for each contestant."""
+        for name, seconds in self.seconds.items():
+            rate = f'{self.speed(name):8.2f} Mev/s' if self.events[name] > 1 else ''
+            print(f'  {name:28s}{seconds * 1e3:9.3f} ms a frame {rate}')
+
+
+def race_modes(frames: Frames, rounds: int, v2e: Any | None) -> Race:
+    """All modes of ours, the reference and, if it is there, v2e."""
+    race = Race(frames)
     messages = [pack_image(k * PERIOD_NS, frame, '64FC1') for k, frame in enumerate(frames)]
-    target = np.empty_like(frames[0])
-    best: dict[str, float] = {}
-
-    def run(name: str, update: Callable[[int, Any], int], source: Sequence[Any]) -> int:
-        update(PERIOD_NS, source[1])
-        begin = time.process_time()
-        found = sum(update(k * PERIOD_NS, source[k]) for k in range(2, count))
-        spent = (time.process_time() - begin) / (count - 2)
-        best[name] = min(spent, best.get(name, np.inf))
-        return found
-
     for _ in range(rounds):
         first = frames[0]
-        events = run('core', core_updater('numba', first), frames)
-        run('core in NumPy', core_updater('numpy', first), frames)
-        run('straightforward NumPy', straightforward_updater(first), frames)
-        run('message to message', message_updater(first), messages)
-        run(_STILL, core_updater('numba', first), [first] * count)
-        run(_ONE_PASS, lambda _, frame: np.add(frame, frames[0], out=target).size, frames)
-    return {'events': events / (count - 2), **best}
+        race.run('ideal', core_updater(first, backend='numba'))
+        race.run('message to message', message_updater(first), messages)
+        for name, mode in MODES.items():
+            race.run(name, core_updater(first, backend='numba', **mode))
+        race.run('ideal in NumPy', core_updater(first, backend='numpy'))
+        race.run('straightforward NumPy', straightforward_updater(first))
+        if v2e is not None:
+            race.run('v2e, clean', v2e_updater(v2e, first, 'clean'))
+            race.run('v2e, noisy', v2e_updater(v2e, first, 'noisy'))
+    return race
+
+
+def v2e_updater(module: Any, first: np.ndarray, kind: str) -> Callable[[int, np.ndarray], int]:
+    """Update function of v2e's emulator, luminosities scaled to grey levels."""
+    emulator = module.EventEmulator(
+        pos_thres=THRESHOLD, neg_thres=THRESHOLD, sigma_thres=0.0, cutoff_hz=0, leak_rate_hz=0
+    )
+    if kind == 'noisy':
+        emulator.set_dvs_params(kind)
+    emulator.generate_events(first * 50, 0.0)
+
+    def update(stamp_ns: int, frame: np.ndarray) -> int:
+        events = emulator.generate_events(frame * 50, stamp_ns * 1e-9)
+        return 0 if events is None else len(events)
+
+    return update
+
+
+def race_silent(frame: np.ndarray, count: int, rounds: int) -> dict[str, float]:
+    """Frames without an event, as floats and as 8 bits, over one pass over two frames.
+
+    Returns
+    -------
+    dict
+        Of the pass over the frame: time over that of adding two frames; and of 8-bit frames: speed
+        over that of the same frames as floats.
+    """
+    grey = np.clip(np.rint(frame * 50), 1, 255)
+    race = Race([grey] * count)
+    target, octets = np.empty_like(grey), grey.astype(np.uint8)
+    for _ in range(rounds):
+        race.run('silent, floats', core_updater(grey, backend='numba'))
+        race.run('silent, 8 bits', core_updater(octets, backend='numba'), [octets] * count)
+        race.run('add two frames', lambda _, y: 0 * np.add(y, frame, out=target).size)
+    race.show()
+    seconds = race.seconds
+    return {
+        'pass': seconds['silent, floats'] / seconds['add two frames'],
+        'octets': seconds['silent, floats'] / seconds['silent, 8 bits'],
+    }
+
+
+def race_threads(frames: Frames, rounds: int) -> float:
+    """Wall time with one thread over that with two."""
+    race = Race(frames, time.perf_counter)
+    for _ in range(rounds):
+        for threads in (1, 2):
+            race.run(
+                f'threads: {threads}', core_updater(frames[0], backend='numba', threads=threads)
+            )
+    race.show()
+    return race.seconds['threads: 1'] / race.seconds['threads: 2']
+
+
+def find_v2e() -> Any | None:
+    """v2e's emulator, if somebody has installed it; PyPI does not have it."""
+    try:
+        return import_module('v2ecore.emulator')
+    except ImportError:
+        print(
+            'v2e is not installed (it is not on PyPI; '
+            'pip install git+https://github.com/SensorsINI/v2e), so it is left out'
+        )
+        return None
 
 
 def measure(quick: bool = False) -> dict[str, float]:
-    """Measure, print a table and return the keys of scripts/bench.sh.
+    """Measure, print tables and return the keys of scripts/bench.sh.
 
     Parameters
     ----------
@@ -148,32 +278,42 @@ def measure(quick: bool = False) -> dict[str, float]:
         Fewer frames.
     """
     sizes = {
-        '346 x 260': (260, 346, 60 if quick else 300),
-        '1280 x 720': (720, 1280, 12 if quick else 40),
+        '346': (260, 346, 40 if quick else 200),
+        '720p': (720, 1280, 10 if quick else 30),
     }
+    rounds = 2 if quick else 3
     print(
         f'event camera, {datetime.date.today()}, {platform.processor() or platform.machine()}, '
         f'Python {platform.python_version()}, NumPy {np.__version__}; one core, CPU seconds'
     )
-    speed: dict[str, float] = {}
-    ratios: list[float] = []
-    overheads: list[float] = []
-    for name, (height, width, count) in sizes.items():
-        found = measure_size(height, width, count, rounds=2 if quick else 3)
-        events = found.pop('events')
-        print(f'\n{name}, {count} frames, {events:.0f} events a frame')
-        for contestant, seconds in found.items():
-            makes_events = contestant not in (_STILL, _ONE_PASS)
-            rate = f'{events / seconds / 1e6:8.2f} Mev/s' if makes_events else ''
-            print(f'  {contestant:28s}{seconds * 1e3:9.3f} ms a frame {rate}')
-        speed[name] = events / found['core'] / 1e6
-        ratios.append(found['straightforward NumPy'] / found['core'])
-        overheads.append(found['message to message'] / found['core'])
-    result = {
-        'camera_mev_346': speed['346 x 260'],
-        'camera_mev_720p': speed['1280 x 720'],
+    v2e = find_v2e()
+    result: dict[str, float] = {}
+    ratios, overheads = [], []
+    for size, (height, width, count) in sizes.items():
+        for scene, drift in (('dense', DENSE), ('sparse', SPARSE)):
+            frames = drifting_pattern(height, width, count, drift)
+            race = race_modes(frames, rounds, v2e)
+            print(
+                f'\n{width} x {height}, {scene}: {drift} pixels a frame, {count} frames, '
+                f'{race.events["ideal"]:.0f} events a frame'
+            )
+            race.show()
+            result[f'camera_mev_{size}_{scene}'] = race.speed('ideal')
+            if scene == 'dense':
+                result[f'camera_mev_{size}_hermite'] = race.speed('hermite')
+                result[f'camera_mev_{size}_noisy'] = race.speed('all, with labels')
+                ratios.append(race.seconds['straightforward NumPy'] / race.seconds['ideal'])
+                overheads.append(race.seconds['message to message'] / race.seconds['ideal'])
+    print('\n1280 x 720, frames without events')
+    silent = race_silent(frames[0], 60, rounds)
+    print('\n1280 x 720, dense, wall seconds')
+    threads = race_threads(drifting_pattern(720, 1280, sizes['720p'][2], DENSE), rounds)
+    result |= {
         'camera_vs_numpy': min(ratios),
         'camera_message_overhead': max(overheads),
+        'camera_frame_pass': silent['pass'],
+        'camera_8_bit': silent['octets'],
+        'camera_two_threads': threads,
     }
     print()
     for key, value in result.items():

@@ -35,6 +35,16 @@ def _inside(edge: float, sign: float) -> float:
 
 
 @kernel
+def _fetched(place: int, found: Any, origin: Any, counts: Any) -> tuple[Any, Any]:
+    """Origins and counts of the pixels, in a loop of its own whose cache misses overlap."""
+    first, sums = np.empty(found.size), np.empty(found.size, np.int32)
+    for k in range(place, found.size):
+        first[k] = origin[found[k]]
+        sums[k] = counts[found[k]]
+    return first, sums
+
+
+@kernel
 def fire_linear(
     place: int,
     found: Any,
@@ -84,9 +94,10 @@ def fire_linear(
     """
     duration = float(duration_ns)
     room = _room(keys, shift)
+    first, sums = _fetched(place, found, origin, counts)
     for k in range(place, found.size):
-        i = found[k]
-        end, count = (now[k] - origin[i]) / step, counts[i]
+        i, base, count = found[k], first[k], sums[k]
+        end = (now[k] - base) / step
         if end >= count + 1.0 or end <= count - 1.0:
             rest = np.floor(end) if end > count else np.ceil(end)
             if abs(rest) > _MOST_STEPS:
@@ -95,7 +106,7 @@ def fire_linear(
             rungs = int(abs(rest - count))
             if used + rungs > room:
                 return k, used, used + rungs
-            start = (before[k] - origin[i]) / step
+            start = (before[k] - base) / step
             pace = duration / (end - start)
             low = (np.int64(i) << 2) | (polarity + 1)
             for rung in range(1, rungs + 1):
@@ -105,8 +116,8 @@ def fire_linear(
                 used += 1
             count = np.int32(rest)
             counts[i] = count
-        edges[0, k] = _inside(origin[i] + (count - 1.0) * step, -1.0)
-        edges[1, k] = _inside(origin[i] + (count + 1.0) * step, 1.0)
+        edges[0, k] = _inside(base + (count - 1.0) * step, -1.0)
+        edges[1, k] = _inside(base + (count + 1.0) * step, 1.0)
     return found.size, used, used
 
 
@@ -175,9 +186,10 @@ def fire_cubic(
     """
     duration = float(duration_ns)
     room = _room(keys, shift)
+    first, sums = _fetched(place, found, origin, counts)
     for k in range(place, found.size):
-        i = found[k]
-        end, count = (now[k] - origin[i]) / step, counts[i]
+        i, base, count = found[k], first[k], sums[k]
+        end = (now[k] - base) / step
         if end >= count + 1.0 or end <= count - 1.0:
             rest = np.floor(end) if end > count else np.ceil(end)
             if abs(rest) > _MOST_STEPS:
@@ -186,15 +198,15 @@ def fire_cubic(
             rungs = int(abs(rest - count))
             if used + rungs > room:
                 return k, used, used + rungs
-            start = (before[k] - origin[i]) / step
+            start = (before[k] - base) / step
             rise = end - start
             second, third = 0.0, 0.0
             if a1 > 0:
-                second_last = (older[k] - origin[i]) / step
+                second_last = (older[k] - base) / step
                 older_rise = (start - second_last) / a1
                 second = (rise - older_rise) / (1.0 + a1)
                 if a2 > 0:
-                    oldest_rise = (second_last - (oldest[k] - origin[i]) / step) / a2
+                    oldest_rise = (second_last - (oldest[k] - base) / step) / a2
                     older_second = (older_rise - oldest_rise) / (a1 + a2)
                     third = (second - older_second) / (1.0 + a1 + a2)
             least, most = min(0.0, 3.0 * rise), max(0.0, 3.0 * rise)
@@ -209,8 +221,8 @@ def fire_cubic(
                 used += 1
             count = np.int32(rest)
             counts[i] = count
-        edges[0, k] = _inside(origin[i] + (count - 1.0) * step, -1.0)
-        edges[1, k] = _inside(origin[i] + (count + 1.0) * step, 1.0)
+        edges[0, k] = _inside(base + (count - 1.0) * step, -1.0)
+        edges[1, k] = _inside(base + (count + 1.0) * step, 1.0)
     return found.size, used, used
 
 
