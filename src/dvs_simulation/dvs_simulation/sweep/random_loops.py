@@ -70,7 +70,30 @@ def random_case(
             return case
 
 
-def _attempt(rng: np.random.Generator, method: str) -> RandomCase | None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomProblem:
+    """A plant seen by a few bright pixels, with a tolerance of 1 for lack of a better one.
+
+    Parameters
+    ----------
+    problem
+        Plant, set-point, pixels.
+    uncertainty
+        Relative half-width of the reference bounds around the first luminosity.
+    """
+
+    problem: DesignProblem
+    uncertainty: float
+
+
+def random_problem(rng: np.random.Generator) -> RandomProblem:
+    """Draw a problem.
+
+    Parameters
+    ----------
+    rng
+        Source of randomness.
+    """
     model = _plant(rng)
     held = model.equilibrium(rng.uniform(-1, 1, model.state_count), tolerance=np.inf)
     pixels = int(rng.choice([1, 2, 3, 5, 9]))
@@ -89,6 +112,13 @@ def _attempt(rng: np.random.Generator, method: str) -> RandomCase | None:
         tolerance=1.0,
         log_base=float(rng.choice([2.0, math.e, 10.0])),
     )
+    return RandomProblem(problem=problem, uncertainty=uncertainty)
+
+
+def _attempt(rng: np.random.Generator, method: str) -> RandomCase | None:
+    drawn = random_problem(rng)
+    problem, uncertainty = drawn.problem, drawn.uncertainty
+    model = problem.model
     try:
         model.require_stabilizable()
         model.require_detectable()

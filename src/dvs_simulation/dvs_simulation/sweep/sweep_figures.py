@@ -30,9 +30,28 @@ def save_study_figure(name: str, rows: Rows, path: Path) -> None:
         'certificate': certificate_figure,
         'threshold': threshold_figure,
         'pixels': pixels_figure,
+        'promise': promise_figure,
     }
     with plotting.in_style():
         plotting.save_figure(draw[name](rows), path, dpi=160)
+
+
+def promise_figure(rows: Rows) -> Figure:
+    """How much of the tolerance adversarial runs of the sampled loop used, at h = h_certified.
+
+    Parameters
+    ----------
+    rows
+        Rows of the study `promise`.
+    """
+    ratios = np.array([float(row['ratio']) for row in rows])
+    figure = Figure(figsize=(6, 4), layout='constrained')
+    axes = figure.subplots()
+    axes.hist(ratios[np.isfinite(ratios)], bins=50, color=plotting.BLUE)
+    axes.axvline(1.0, color=plotting.VERMILION, ls='--', lw=1, label='tolerance')
+    axes.set(xlabel='limsup ||x - x_d|| / eps', ylabel='runs', yscale='log')
+    axes.legend(frameon=False)
+    return figure
 
 
 def certificate_figure(rows: Rows) -> Figure:
