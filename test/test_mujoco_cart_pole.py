@@ -9,6 +9,7 @@ from loop_support import ROOT, run_closed_loop
 from scipy.linalg import logm
 
 from dvs_common.scenario.scenario import load_scenario
+from dvs_hinf_controller.design.design import design_from_scenario, save_design
 from dvs_simulation.judging.trace import decode_trace
 from dvs_simulation.judging.verdict import judge
 from dvs_simulation.sampled.sampled_loop import run_sampled
@@ -56,8 +57,11 @@ def test_durations_of_any_length_end_at_the_same_time(lengths):
     np.testing.assert_allclose(plant.state, whole.state, atol=2e-5)
 
 
-def test_ten_random_starts_end_regulated():
+def test_ten_random_starts_end_regulated(tmp_path):
     scenario = load_scenario(SCENARIO).replace(duration=4.0)
+    file = tmp_path / 'design.json'
+    save_design(design_from_scenario(scenario), file)
+    scenario = scenario.replace(method='file', design_file=str(file))
     generator = np.random.default_rng(14)
     for _ in range(10):
         start = np.array([*generator.uniform(-1, 1, 2) * (0.08, 0.025), 0.0, 0.0])
@@ -78,7 +82,7 @@ def test_ten_random_starts_end_regulated():
 
 
 def test_the_node_takes_the_place_of_the_plant(domain, tmp_path):
-    result = run_closed_loop(SCENARIO, domain, tmp_path, '--duration', '1.5')
+    result = run_closed_loop(SCENARIO, domain, tmp_path, '--duration', '5')
 
     assert 'cart_pole: regulated' in result.stdout, result.stdout + result.stderr
     assert (tmp_path / 'cart_pole' / 'figure.png').is_file()
