@@ -46,7 +46,7 @@ def test_samples_that_were_never_answered_are_left_out():
     assert len(decode_trace(messages).times_s) == 3
 
 
-@pytest.mark.parametrize('topic', ['state', 'luminosity', 'events'])
+@pytest.mark.parametrize('topic', ['state', 'luminosity', 'events', 'estimate'])
 def test_a_sample_that_is_missing_is_named(topic):
     messages = recorded(SAMPLES)
     del messages[topic][2]
@@ -57,12 +57,15 @@ def test_a_sample_that_is_missing_is_named(topic):
         decode_trace(messages)
 
 
-def test_an_estimate_that_is_missing_is_noticed():
-    messages = recorded(SAMPLES)
-    messages['estimate'].pop(1)
+@pytest.mark.parametrize('topic', ['command', 'estimate', 'events'])
+def test_a_message_that_was_sent_again_counts_once(topic):
+    once, twice = recorded(SAMPLES), recorded(SAMPLES)
+    twice[topic].insert(2, twice[topic][1])
 
-    with pytest.raises(IncompleteTraceError, match='4 commands but 3 estimates'):
-        decode_trace(messages)
+    for name in ('commands', 'estimates', 'events', 'times_s'):
+        assert np.array_equal(
+            getattr(decode_trace(once), name), getattr(decode_trace(twice), name)
+        )
 
 
 def test_nothing_recorded_is_no_trace():

@@ -92,7 +92,7 @@ class StreamNode(ParameterNode):
         return publisher
 
     def advertise_token(self, message_type: type, topic: str, qos: QoSProfile) -> TokenPublisher:
-        """Publisher of what a lockstep partner waits for; in realtime nobody does.
+        """Publisher of what a lockstep partner waits for; in realtime there is none.
 
         Parameters
         ----------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +66,8 @@ class IncompleteTraceError(ValueError):
 def decode_trace(messages: Messages) -> Trace:
     """Trace of the serialized messages of a run, in the order of their publication.
 
+    A message that was sent again counts once.
+
     Parameters
     ----------
     messages
@@ -76,17 +78,21 @@ def decode_trace(messages: Messages) -> Trace:
     IncompleteTraceError
         If a topic is empty, or its samples are not those of the commands.
     """
-    commands = [parse_command(message) for message in messages[topics.COMMAND]]
+    commands = {v.stamp_ns: v.values for v in map(parse_command, messages[topics.COMMAND])}
     states = {v.stamp_ns: v.values for v in map(parse_state, messages[topics.STATE])}
     frames = {f.stamp_ns: f for f in map(parse_luminosity, messages[topics.LUMINOSITY])}
     packets = {p.stamp_ns: p for p in map(parse_events, messages[topics.EVENTS])}
-    estimates = [parse_state(message).values for message in messages[topics.ESTIMATE]]
-    stamps = [command.stamp_ns for command in commands]
+    estimates = {v.stamp_ns: v.values for v in map(parse_state, messages[topics.ESTIMATE])}
+    stamps = list(commands)
     if not stamps:
         raise IncompleteTraceError('no command was recorded')
-    if len(estimates) != len(stamps):
-        raise IncompleteTraceError(f'{len(stamps)} commands but {len(estimates)} estimates')
-    for name, found in (('state', states), ('luminosity', frames), ('events', packets)):
+    sampled: dict[str, Collection[int]] = {
+        'state': states,
+        'luminosity': frames,
+        'events': packets,
+        'estimate': estimates,
+    }
+    for name, found in sampled.items():
         missing = [stamp for stamp in stamps if stamp not in found]
         if missing:
             raise IncompleteTraceError(
@@ -102,8 +108,8 @@ def decode_trace(messages: Messages) -> Trace:
         luminosities=np.array(
             [frames[stamp].pixels.reshape(-1) for stamp in stamps], dtype=np.float64
         ),
-        estimates=np.array(estimates),
-        commands=np.array([command.values for command in commands]),
+        estimates=np.array([estimates[stamp] for stamp in stamps]),
+        commands=np.array(list(commands.values())),
         events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
         event_times_s=as_seconds(np.concatenate(event_times_ns)),
         width=frames[start_ns].pixels.shape[1],
