@@ -258,7 +258,7 @@ def race_threads(frames: Frames, rounds: int) -> float:
 
 
 def find_v2e() -> Any | None:
-    """v2e's emulator, if somebody has installed it; PyPI does not have it."""
+    """v2e's emulator, if it is installed; PyPI does not have it."""
     try:
         return import_module('v2ecore.emulator')
     except ImportError:
