@@ -11,7 +11,7 @@ from dvs_simulation.exact import simulate
 from dvs_simulation.exact.signals import estimates_at, judged, luminosities, sector_ratios
 from dvs_simulation.judging.measures import Judgement, error, largest, sector_ratio, settled_from
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import judge
+from dvs_simulation.judging.verdict import Promised, judge
 
 PRINTED = (-0.2321, 0.0928)
 SCENARIO = Scenario.from_values({'set_point': PRINTED})
@@ -40,7 +40,7 @@ def test_an_exact_run_and_its_messages_are_judged_alike():
         trace,
         scenario,
         name='same',
-        h_star=0.1,
+        promised=Promised(h_star=0.1, h_certified=0.1, slowest_pole=-1.0),
         wall_seconds=1.0,
         interrupted=False,
         bounds=loop.bounds,

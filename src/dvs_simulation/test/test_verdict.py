@@ -1,5 +1,6 @@
 """The figures of a verdict against runs whose figures are known by construction."""
 
+import dataclasses
 import json
 import math
 import warnings
@@ -11,7 +12,7 @@ from recorded_messages import recorded
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import Verdict, judge, sector_ratios
+from dvs_simulation.judging.verdict import Promised, Verdict, judge, sector_ratios
 
 H = 0.15
 SCENARIO = Scenario.from_values(
@@ -39,7 +40,8 @@ def run(errors, *, ratios=0.0, luminosity=(2.0, 3.0, 4.0)):
 
 
 def judged(trace, scenario=SCENARIO, **options):
-    defaults = {'name': 'test', 'h_star': 0.2, 'wall_seconds': 2.0, 'interrupted': False}
+    promised = Promised(h_star=0.2, h_certified=0.05, slowest_pole=-20.0)
+    defaults = {'name': 'test', 'promised': promised, 'wall_seconds': 2.0, 'interrupted': False}
     return judge(trace, scenario, **{**defaults, **options})
 
 
@@ -138,3 +140,25 @@ def test_the_file_has_every_figure(tmp_path):
     assert saved['interrupted'] is True
     assert (saved['h'], saved['h_star'], saved['tolerance']) == (H, 0.2, 0.05)
     assert '(interrupted)' in str(verdict)
+
+
+def test_a_run_that_was_too_short_did_not_settle_yet():
+    slow = Promised(h_star=0.2, h_certified=0.05, slowest_pole=-0.14)
+    early = judged(run([0.3, 0.3, 0.29]), promised=slow)
+    late = judged(run([0.3, 0.3, 0.29]), promised=dataclasses.replace(slow, slowest_pole=-1e6))
+
+    assert early.settling and not early.regulated
+    assert 'did not settle yet: slowest pole -0.14 1/s, duration' in str(early)
+    assert not late.settling
+    assert 'NOT regulated' in str(late)
+
+
+@pytest.mark.parametrize(
+    ('h_certified', 'word'), [(0.05, '(nothing promised)'), (math.inf, 'any (promised)')]
+)
+def test_the_verdict_says_whether_the_promise_stood(h_certified, word):
+    promised = Promised(h_star=0.2, h_certified=h_certified, slowest_pole=-20.0)
+    verdict = judged(run([0.0, 0.01]), promised=promised)
+
+    assert verdict.certified == (h_certified > H)
+    assert word in str(verdict)

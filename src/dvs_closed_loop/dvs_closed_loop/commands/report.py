@@ -105,7 +105,7 @@ def _report_sensor(options: argparse.Namespace) -> int:
 
 def _judged(recorded: RecordedRun, scenario: Scenario, name: str) -> Verdict | None:
     from dvs_hinf_controller.design.design import design_from_scenario
-    from dvs_simulation.judging.verdict import judge
+    from dvs_simulation.judging.verdict import Promised, judge
 
     trace = recorded.trace
     if trace is None:
@@ -116,7 +116,7 @@ def _judged(recorded: RecordedRun, scenario: Scenario, name: str) -> Verdict | N
         trace,
         scenario,
         name=name,
-        h_star=design.figures.h_star,
+        promised=Promised.of(design),
         wall_seconds=recorded.wall_seconds,
         interrupted=simulated_s < scenario.loop.duration - 1.5 * scenario.loop.sampling_period,
         bounds=None if recorded.from_start else scenario.model_reference_bounds,

@@ -111,7 +111,11 @@ def _tiles(verdict: Verdict | None) -> tuple[tuple[str, str], ...]:
         ),
         (f'{verdict.final_error:.5f}', 'final ‖x − x_d‖'),
         (f'{verdict.sector_ratio_max:.5f}', 'worst |z − y| / (δ_z |y|), must be ≤ 1'),
-        (f'{verdict.h:g}', f'threshold h (published bound h* = {verdict.h_star:.4f})'),
+        (
+            f'{verdict.h:g}',
+            f'threshold h (guaranteed up to {verdict.certified_text}, published bound h* = '
+            f'{verdict.h_star:.4f})',
+        ),
         (f'{verdict.events:,}', f'events, {verdict.events_per_pixel:.1f} a pixel'),
         (f'{verdict.pixels:,}', 'pixels r'),
         (

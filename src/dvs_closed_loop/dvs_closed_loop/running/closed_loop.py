@@ -25,7 +25,7 @@ from dvs_common.wire import topics
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_simulation.judging.figure import save_figure
 from dvs_simulation.judging.trace import IncompleteTraceError, Trace, decode_trace
-from dvs_simulation.judging.verdict import Verdict, judge
+from dvs_simulation.judging.verdict import Promised, Verdict, judge
 from dvs_simulation.output_folder import output_folder
 
 # Files beside a bag that tell of the run in it.
@@ -130,7 +130,7 @@ def run_scenario(
         trace,
         scenario,
         name=parameter_file.stem,
-        h_star=design.figures.h_star,
+        promised=Promised.of(design),
         wall_seconds=recorder.wall_seconds,
         interrupted=session.stop.received,
         bounds=bounds,

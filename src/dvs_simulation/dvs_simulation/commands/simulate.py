@@ -190,7 +190,7 @@ def _summary(result: dict[str, Any], output: Path) -> str:
 def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
     from dvs_simulation.judging.figure import save_figure
     from dvs_simulation.judging.trace import decode_trace
-    from dvs_simulation.judging.verdict import judge
+    from dvs_simulation.judging.verdict import Promised, judge
     from dvs_simulation.sampled.sampled_loop import run_sampled
 
     started = time.perf_counter()
@@ -200,7 +200,7 @@ def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
         trace,
         scenario,
         name=name,
-        h_star=sampled.design.figures.h_star,
+        promised=Promised.of(sampled.design),
         wall_seconds=time.perf_counter() - started,
         interrupted=False,
     )

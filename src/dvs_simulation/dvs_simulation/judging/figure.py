@@ -47,7 +47,8 @@ def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
     word = 'regulated' if verdict.regulated else 'not regulated'
     figure.suptitle(
         f'{verdict.scenario}: {word}, r = {verdict.pixels}, h = {verdict.h:g} '
-        f'(h* = {verdict.h_star:.4f}), {verdict.events} events'
+        f'(h_certified = {verdict.certified_text}, h* = {verdict.h_star:.4f}), '
+        f'{verdict.events} events'
     )
     return figure
 

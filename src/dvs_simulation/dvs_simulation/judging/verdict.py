@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import write_text
 from dvs_hinf_controller.analysis.sector import sector
+from dvs_hinf_controller.design.design import Design
 from dvs_simulation.judging.measures import (
     Judgement,
     error,
@@ -21,6 +23,41 @@ from dvs_simulation.judging.measures import (
     silent_below,
 )
 from dvs_simulation.judging.trace import Trace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Promised:
+    """What the design that ran says of its thresholds and its pace.
+
+    Parameters
+    ----------
+    h_star
+        Published bound on h.
+    h_certified
+        Guaranteed bound on h for the loop that runs; infinite where any threshold will do.
+    slowest_pole
+        Largest real part of a closed-loop pole, 1/s.
+    """
+
+    h_star: float
+    h_certified: float
+    slowest_pole: float
+
+    @classmethod
+    def of(cls, design: Design) -> Promised:
+        """What a design says.
+
+        Parameters
+        ----------
+        design
+            Controller and its figures.
+        """
+        figures = design.figures
+        return cls(
+            h_star=figures.h_star,
+            h_certified=figures.h_certified,
+            slowest_pole=figures.closed_loop_abscissa,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +102,14 @@ class Verdict:
         Event threshold.
     h_star
         Published bound on h for the controller that ran.
+    h_certified
+        Guaranteed bound on h for the loop that runs; None where any threshold will do.
+    certified
+        Whether h is within it: the promise stood for this run.
+    settling
+        Whether the run may only not have settled yet: the slowest pole had too little time.
+    slowest_pole
+        Largest real part of a closed-loop pole, 1/s.
     """
 
     scenario: str
@@ -85,6 +130,10 @@ class Verdict:
     simulated_seconds: float
     h: float
     h_star: float
+    h_certified: float | None
+    certified: bool
+    settling: bool
+    slowest_pole: float
 
     @property
     def sector_held(self) -> bool:
@@ -104,6 +153,11 @@ class Verdict:
             sector_ratio_max=self.sector_ratio_max,
         )
 
+    @property
+    def certified_text(self) -> str:
+        """h_certified in words."""
+        return 'any' if self.h_certified is None else f'{self.h_certified:.5f}'
+
     def save(self, path: Path) -> None:
         """Write `result.json`.
 
@@ -117,7 +171,13 @@ class Verdict:
     def __str__(self) -> str:
         """Return the verdict as a few readable lines."""
         word = 'regulated' if self.regulated else 'NOT regulated'
+        if self.settling:
+            word = (
+                f'did not settle yet: slowest pole {self.slowest_pole:.3g} 1/s, duration '
+                f'{self.simulated_seconds:g} s'
+            )
         word += ' (interrupted)' if self.interrupted else ''
+        promise = 'promised' if self.certified else 'nothing promised'
         held = 'held' if self.sector_held else 'VIOLATED'
         skipped = f', {self.samples_skipped} samples skipped' if self.samples_skipped else ''
         return '\n'.join(
@@ -128,7 +188,8 @@ class Verdict:
                 f'  final  ||x - x_d||   {self.final_error:.6f}',
                 f'  sector bound         {held}, worst |z - y| / (delta_z |y|) = '
                 f'{self.sector_ratio_max:.6f}',
-                f'  threshold            h = {self.h:g}, h* = {self.h_star:.5f}',
+                f'  threshold            h = {self.h:g}, h_certified = {self.certified_text} '
+                f'({promise}), h* = {self.h_star:.5f}',
                 f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
                 f'{self.pixels} pixels)',
                 f'  speed                {self.cycles} cycles, {self.cycles_per_second:.0f} '
@@ -143,7 +204,7 @@ def judge(
     scenario: Scenario,
     *,
     name: str,
-    h_star: float,
+    promised: Promised,
     wall_seconds: float,
     interrupted: bool,
     bounds: ReferenceBounds | None = None,
@@ -158,8 +219,8 @@ def judge(
         Its parameters.
     name
         Name of the scenario.
-    h_star
-        Published bound on h for the controller that ran.
+    promised
+        What the design that ran says.
     wall_seconds
         Wall-clock time from the first sample with a command to the last command, s.
     interrupted
@@ -192,8 +253,24 @@ def judge(
         wall_seconds=wall_seconds,
         simulated_seconds=float(trace.times_s[-1]),
         h=scenario.sensor.event_threshold,
-        h_star=h_star,
+        h_star=promised.h_star,
+        h_certified=_number(promised.h_certified),
+        certified=scenario.sensor.event_threshold <= promised.h_certified,
+        settling=not judgement.regulated
+        and _too_short(errors, judgement.tolerance, trace, promised.slowest_pole),
+        slowest_pole=promised.slowest_pole,
     )
+
+
+def _number(h_certified: float) -> float | None:
+    """None for any threshold; a threshold below zero is none at all."""
+    return None if h_certified == math.inf else max(h_certified, -1.0)
+
+
+def _too_short(errors: FloatArray, tolerance: float, trace: Trace, abscissa: float) -> bool:
+    """Whether the slowest mode alone keeps the start above the tolerance in the settled part."""
+    waited = settled_from(trace.times_s[-1]) - trace.times_s[0]
+    return bool(errors[0] * math.exp(abscissa * waited) > tolerance)
 
 
 def sector_ratios(
