@@ -28,7 +28,7 @@ from dvs_common.scenario.parameters import CAMERA, CONTROLLER, PLANT, SCHEMA
 from dvs_common.wire import topics
 
 RUN = r'scripts/run\.sh '
-TOOLS = RUN + r'dvs_closed_loop dvs_closed_loop '
+TOOLS = RUN + r'(?:dvs_closed_loop dvs_closed_loop|dvs_simulation dvs_simulation) '
 UNKNOWN_OPTION = '--no-such-option'
 
 
@@ -266,7 +266,9 @@ NAMED = (
     Rule('ros2 topic echo .*', is_topic, 'ros2 comes with ROS from apt only'),
     Rule(RUN + '.*', is_executable, 'part of a command'),
     Rule(
-        r'scripts/\w+\.(sh|py)( loop| --fast)?', is_script, 'makes figures, or is in a block too'
+        r'scripts/\w+\.(sh|py)( loop| --fast| --quick)?',
+        is_script,
+        'makes figures, or is in a block too',
     ),
     Rule(r'dvs_closed_loop \w+', is_subcommand, 'part of a command'),
     Rule(r'source install/setup\.bash', runs()),
