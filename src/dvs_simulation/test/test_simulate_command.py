@@ -78,3 +78,10 @@ def test_a_plant_of_its_own_is_not_simulated(capsys):
 )
 def test_a_phase_portrait_names_the_states_that_it_does_not_show(states, title):
     assert phase_portrait_title(states) == title
+
+
+def test_a_method_of_the_command_line_designs_the_controller(tmp_path):
+    _, plain = simulate(tmp_path)
+    _, other = simulate(tmp_path, '--method', 'structured')
+
+    assert other['h_certified'] > plain['h_certified'] + 0.003

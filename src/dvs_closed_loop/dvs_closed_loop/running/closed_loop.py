@@ -155,6 +155,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--namespace', default='', help='namespace of the whole loop')
     parser.add_argument('--mode', help="lockstep or realtime, instead of the file's")
     parser.add_argument('--method', help="synthesis method, instead of the file's")
+    parser.add_argument('--event-threshold', type=float, help="h, instead of the file's")
     parser.add_argument(
         '--elsewhere',
         nargs='+',
@@ -183,7 +184,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 output,
                 session,
                 parameters=given(
-                    duration=options.duration, mode=options.mode, method=options.method
+                    duration=options.duration,
+                    mode=options.mode,
+                    method=options.method,
+                    event_threshold=options.event_threshold,
                 ),
                 namespace=options.namespace,
                 elsewhere=options.elsewhere,

@@ -143,7 +143,7 @@ def _compared(scenario: Scenario) -> list[Design]:
     for method in method_names():
         try:
             designs.append(design_from_scenario(scenario.replace(method=method)))
-        except SynthesisError as error:
+        except (SynthesisError, ParameterError) as error:
             failures.append(error)
             print(f'{method}: {error}', file=sys.stderr)
     if not designs:

@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--output', type=Path, default=Path('out'), help='folder of the results (out)'
     )
     parser.add_argument('--duration', type=float, help='length of the run, s')
+    parser.add_argument('--method', help="synthesis method in place of the scenario's")
     parser.add_argument('--event-threshold', type=float, help="h in place of the scenario's")
     parser.add_argument(
         '--sampled',
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.params_file)
     changes = {
         name: value
-        for name in ('duration', 'event_threshold', 'sampling_period')
+        for name in ('duration', 'method', 'event_threshold', 'sampling_period')
         if (value := getattr(options, name)) is not None
     }
     scenario = scenario.replace(**changes)
