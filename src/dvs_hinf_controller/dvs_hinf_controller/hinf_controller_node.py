@@ -100,6 +100,7 @@ class HinfControllerNode(ManagedNode):
         self._lost_events = self._resynchronisations = self._repeated = 0
         self._events = self._on_events = self._packets = 0
         self._event_rate, self._packet_rate = RateMeter(), RateMeter()
+        self._threshold = self._controller.event_threshold
         self._unknown_said = False
         self._blind_s = 0.0
 
@@ -151,12 +152,13 @@ class HinfControllerNode(ManagedNode):
 
     def _take_keyframe(self, message: bytes) -> None:
         keyframe = parse_keyframe(message)
-        running = self._controller.event_threshold
         self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
-        if self._controller.event_threshold != running:
-            self._say_threshold(running)
 
-    def _say_threshold(self, before: float) -> None:
+    def _report_threshold(self) -> None:
+        """Tell of another threshold as soon as it holds: a keyframe may announce it beforehand."""
+        before, self._threshold = self._threshold, self._controller.event_threshold
+        if before == self._threshold:
+            return
         self.get_logger().warning(
             f'event_camera goes from h = {before:g} to {self._controller.event_threshold:g}, the '
             'estimator with it'
@@ -182,6 +184,7 @@ class HinfControllerNode(ManagedNode):
                 f'resynchronised by a keyframe: {report.resynchronised_pixels} pixels put right'
             )
 
+        self._report_threshold()
         self._watch_sensor()
 
     def _watch_sensor(self) -> None:
