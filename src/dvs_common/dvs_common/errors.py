@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+_LONGEST_RULE = 2000
+
 
 class SuiteError(Exception):
     """Anything that the user can mend: reported in one message, without a traceback.
@@ -33,9 +35,18 @@ class ParameterError(SuiteError, ValueError):
         self.name = name
         self.value = value
         self.rule = rule
-        super().__init__(f'{name} = {_shorten(value)}: {rule}')
+        super().__init__(f'{name} = {shortened(value)}: {shortened(rule, _LONGEST_RULE)}')
 
 
-def _shorten(value: object, limit: int = 120) -> str:
+def shortened(value: object, limit: int = 120) -> str:
+    """A value as one line of text that is not too long for a log.
+
+    Parameters
+    ----------
+    value
+        Anything.
+    limit
+        Longest text, characters.
+    """
     text = ' '.join(str(value).split())
     return text if len(text) <= limit else text[: limit - 1] + '…'

@@ -94,7 +94,8 @@ def test_an_empty_sequence_of_doubles_is_not_aligned():
 
 @pytest.mark.parametrize('header', ['00000000', '00030000', '00070000', '01010000', ''])
 def test_another_encapsulation_is_refused_by_name(header):
-    with pytest.raises(MessageError, match=f'encapsulation {header[:4]} is not plain little'):
+    named = header[:4] or r'\(none\)'
+    with pytest.raises(MessageError, match=f'encapsulation {named} is not plain little'):
         CdrReader(bytes.fromhex(header) + bytes(16 if header else 0))
 
 

@@ -171,6 +171,8 @@ class EventCameraNode(ManagedNode):
         try:
             exposure = self._camera.take(frame)
         except ParameterError as error:
+            if self._camera.pixels is not None:
+                raise MessageError(f'sensor cannot start again: {error}') from None
             self.finish(_START_FAILED, str(error))
             return
         if exposure is None:

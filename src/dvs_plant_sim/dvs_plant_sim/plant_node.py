@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -27,6 +26,9 @@ from dvs_plant_sim.realtime_driver import RealtimeDriver
 
 _FAILURE = 1
 _STALE_S = 2.0
+# Of a command, whoever wrote it: reading millions of names would hold up the plant.
+_BYTES_AN_INPUT = 4096
+_LARGEST_INPUT = 1e100
 # Of a luminosity image.
 _BYTES_A_PIXEL = 8
 
@@ -177,13 +179,15 @@ class PlantNode(ManagedNode):
         MessageError
             If it does not hold m finite numbers under the names u1 to um, in any order.
         """
-        command = parse_command(message)
         names = self._input_names
-        if command.values.size != len(names) or not all(
-            map(math.isfinite, command.values.tolist())
-        ):
+        if len(message) > _BYTES_AN_INPUT * (1 + len(names)):
+            raise MessageError(f'command of {len(message)} bytes for {len(names)} inputs')
+        command = parse_command(message)
+        values = command.values.tolist()
+        # NaN is not less than anything.
+        if len(values) != len(names) or not all(abs(u) < _LARGEST_INPUT for u in values):
             raise MessageError(
-                f'command {command.values.tolist()} is not {len(names)} finite numbers'
+                f'command {values} is not {len(names)} finite numbers below {_LARGEST_INPUT:g}'
             )
         if command.names != names:
             raise MessageError(

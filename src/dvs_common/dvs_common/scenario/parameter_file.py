@@ -14,11 +14,28 @@ from dvs_common.errors import ParameterError
 from dvs_common.scenario.schema import is_ros_parameter
 
 _PARAMETERS = 'ros__parameters'
+_DEEPEST = 50
 _WILDCARDS = {'/*': r'/\w+', '/**': r'(/\w+)*'}
 
 
 class _RosLoader(yaml.SafeLoader):
-    """YAML as ROS reads it: 1e-3 is a number, for YAML 1.1 it is a string; no name twice."""
+    """YAML as ROS reads it: 1e-3 is a number, no name comes twice, nothing is an alias."""
+
+    _depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Next node, refused in time: a few lines of aliases would fill the memory."""
+        if self.check_event(yaml.AliasEvent):
+            raise self._refusal('ROS knows no aliases')
+        if self._depth > _DEEPEST:
+            raise self._refusal(f'is nested more than {_DEEPEST} deep')
+        self._depth += 1
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def _refusal(self, reason: str) -> yaml.YAMLError:
+        return yaml.composer.ComposerError(None, None, reason, self.peek_event().start_mark)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Mapping of a node; of two values for a name only one could hold."""

@@ -12,6 +12,7 @@ import struct
 import numpy as np
 
 from dvs_common.arrays import FloatArray
+from dvs_common.errors import shortened
 from dvs_common.nanoseconds import NANOSECONDS
 
 # Plain CDR, little-endian.
@@ -20,10 +21,20 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 _U32 = struct.Struct('<I')
 _U64 = struct.Struct('<Q')
 _STAMP = struct.Struct('<iI')
+_LONGEST_REASON = 400
 
 
 class MessageError(ValueError):
-    """A message that breaks the wire contract."""
+    """A message that breaks the wire contract.
+
+    Parameters
+    ----------
+    reason
+        What is wrong with it; what it quotes of the message is cut short.
+    """
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(shortened(reason, _LONGEST_REASON))
 
 
 def require_plain(encapsulation: bytes) -> None:
@@ -41,8 +52,28 @@ def require_plain(encapsulation: bytes) -> None:
     """
     if encapsulation != ENCAPSULATION[:2]:
         raise MessageError(
-            f'CDR encapsulation {encapsulation.hex()} is not plain little-endian (0001)'
+            f'CDR encapsulation {encapsulation.hex() or "(none)"} is not plain little-endian (0001)'
         )
+
+
+def stamp_ns_of(seconds: int, nanoseconds: int) -> int:
+    """Stamp of a builtin_interfaces/Time, ns.
+
+    Parameters
+    ----------
+    seconds
+        Its whole seconds.
+    nanoseconds
+        Its nanoseconds.
+
+    Raises
+    ------
+    MessageError
+        If the nanoseconds are a second or more.
+    """
+    if nanoseconds >= NANOSECONDS:
+        raise MessageError(f'stamp with {nanoseconds} nanoseconds, must be less than a second')
+    return seconds * NANOSECONDS + nanoseconds
 
 
 class CdrWriter:
@@ -164,8 +195,7 @@ class CdrReader:
 
     def stamp(self) -> int:
         """Read a builtin_interfaces/Time as nanoseconds."""
-        seconds, nanoseconds = _STAMP.unpack_from(self._buffer, self._take(8, 4))
-        return int(seconds) * NANOSECONDS + int(nanoseconds)
+        return stamp_ns_of(*_STAMP.unpack_from(self._buffer, self._take(8, 4)))
 
     def text(self) -> str:
         """Read a string."""

@@ -11,7 +11,7 @@ import struct
 from typing import Generic, TypeVar
 
 from dvs_common.nanoseconds import NANOSECONDS
-from dvs_common.wire.cdr import ENCAPSULATION, MessageError, require_plain
+from dvs_common.wire.cdr import ENCAPSULATION, MessageError, require_plain, stamp_ns_of
 
 # Where what follows the stamp begins.
 BODY = 12
@@ -46,14 +46,14 @@ def stamp_of(message: bytes) -> int:
     Raises
     ------
     MessageError
-        If the message is cut short or not plain little-endian CDR.
+        If the message is cut short, not plain little-endian CDR, or its stamp is none.
     """
     try:
         encapsulation, seconds, nanoseconds = _HEAD.unpack_from(message)
     except struct.error:
         raise MessageError(f'message of {len(message)} bytes ends before its stamp') from None
     require_plain(encapsulation)
-    return int(seconds) * NANOSECONDS + int(nanoseconds)
+    return stamp_ns_of(seconds, nanoseconds)
 
 
 class Memo(Generic[_Meaning]):
