@@ -24,7 +24,15 @@ class _RosLoader(yaml.SafeLoader):
     _depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Next node, refused in time: a few lines of aliases would fill the memory."""
+        """Next node, refused in time: a few lines of aliases would fill the memory.
+
+        Parameters
+        ----------
+        parent
+            Node that holds it.
+        index
+            Its place there.
+        """
         if self.check_event(yaml.AliasEvent):
             raise self._refusal('ROS knows no aliases')
         if self._depth > _DEEPEST:
@@ -35,7 +43,7 @@ class _RosLoader(yaml.SafeLoader):
         return node
 
     def _refusal(self, reason: str) -> yaml.YAMLError:
-        return yaml.composer.ComposerError(None, None, reason, self.peek_event().start_mark)
+        return yaml.composer.ComposerError(None, None, f'{reason} (line {self.line + 1})')
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Mapping of a node; of two values for a name only one could hold."""

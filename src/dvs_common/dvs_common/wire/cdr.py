@@ -51,9 +51,8 @@ def require_plain(encapsulation: bytes) -> None:
         If it is another representation.
     """
     if encapsulation != ENCAPSULATION[:2]:
-        raise MessageError(
-            f'CDR encapsulation {encapsulation.hex() or "(none)"} is not plain little-endian (0001)'
-        )
+        found = encapsulation.hex() or '(none)'
+        raise MessageError(f'CDR encapsulation {found} is not plain little-endian (0001)')
 
 
 def stamp_ns_of(seconds: int, nanoseconds: int) -> int:

@@ -145,7 +145,15 @@ def _notes(path: Path) -> _Notes:
         files = tuple(Path(name).name for name in notes.get('relative_file_paths') or ())
         custom = notes.get('custom_data') or {}
         return _Notes(files=files, custom=dict(custom), distribution=notes.get('ros_distro') or '')
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError, ValueError):
+    except (
+        yaml.YAMLError,
+        UnicodeDecodeError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        ValueError,
+        RecursionError,
+    ):
         return _Notes(custom={})
 
 

@@ -110,7 +110,6 @@ class _Ros2Storage:
     def __init__(self, path: Path) -> None:
         rosbag2 = import_module('rosbags.rosbag2')
         self._path = path
-        self._damage = (rosbag2.ReaderError, *DAMAGE)
         self._reader = rosbag2.Reader(path)
         self._reader.open()
         self.topics = _topics_of(self._reader)
@@ -127,7 +126,8 @@ class _Ros2Storage:
                     received_ns=received_ns,
                     data=_uncompressed(data),
                 )
-        except self._damage as error:
+        # A library raises whatever its decompressors raise.
+        except Exception as error:
             raise DamagedFile(self._path, f'is damaged: {error}') from None
 
     def close(self) -> None:
@@ -141,7 +141,6 @@ class _Ros1Storage:
     def __init__(self, path: Path) -> None:
         rosbag1 = import_module('rosbags.rosbag1')
         self._path = path
-        self._damage = (rosbag1.ReaderError, *DAMAGE)
         self._reader = rosbag1.Reader(path)
         self._reader.open()
         self.custom: dict[str, str] = {}
@@ -159,7 +158,8 @@ class _Ros1Storage:
                     received_ns=received_ns,
                     data=self._cdr(data, connection.msgtype),
                 )
-        except self._damage as error:
+        # A library raises whatever its decompressors raise.
+        except Exception as error:
             raise DamagedFile(self._path, f'is damaged: {error}') from None
 
     def _cdr(self, data: bytes, type_name: str) -> bytes:

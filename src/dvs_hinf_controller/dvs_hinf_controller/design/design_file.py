@@ -128,7 +128,7 @@ def read_design_file(path: str | Path) -> StoredDesign:
         document = json.loads(Path(path).read_text(encoding='utf-8'))
     except OSError as error:
         raise ParameterError('design_file', path, f'cannot be read: {error.strerror}') from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ParameterError('design_file', path, f'is not JSON: {error}') from None
     version = document.get('schema_version') if isinstance(document, dict) else None
     if version != SCHEMA_VERSION:
@@ -143,7 +143,7 @@ def read_design_file(path: str | Path) -> StoredDesign:
             identity={key: dict(document['problem'][key]) for key in _IDENTITY_KEYS},
             seconds=float(document['figures']['seconds']),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ParameterError('design_file', path, f'is no design: {error!r}') from None
 
 
