@@ -1,8 +1,10 @@
 """Mutated messages to the real nodes of a running loop: none dies, all count what they refuse."""
 
+import subprocess
+
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from loop_support import operating, ros_arguments, start, stop
+from loop_support import CONFIG, environment, operating, program, ros_arguments, start, stop
 from mutations import Mutations
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty
@@ -89,3 +91,28 @@ def test_a_command_of_twenty_megabytes_costs_a_short_line(domain, processes):
     assert code == 0, output
     assert 'bytes for 1 inputs' in output
     assert max(map(len, output.splitlines())) < 1000
+
+
+def test_short_messages_do_not_end_closed_loop(domain, tmp_path):
+    run = subprocess.Popen(
+        [program('closed_loop'), '--params-file', str(CONFIG / 'mirror_r3.yaml')]
+        + ['--output', str(tmp_path / 'run')],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    with operating(domain) as operator:
+        publishers = [
+            operator.node.create_publisher(kind, topic, qos)
+            for topic, (kind, qos) in KINDS.items()
+            if topic in ('luminosity', 'events', 'command')
+        ]
+        while run.poll() is None:
+            for publisher in publishers:
+                publisher.publish(GOOD['command'](1)[:12])
+            operator.spin_until(lambda: False, timeout_s=0.2)
+    output = run.communicate()[0]
+    assert run.returncode == 0, output
+    assert 'left out of the verdict' in output
+    assert 'Traceback' not in output, output

@@ -9,6 +9,7 @@ from recording_cases import PERIOD_NS, packet, small_run
 from dvs_closed_loop.dashboard.live_view import LiveView
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
+from dvs_common.wire.events import LABELLED_EVENT_DTYPE, EventPacket, pack_events
 from dvs_common.wire.messages import Vector, pack_state
 
 SCENARIO = Scenario.from_values({})
@@ -116,3 +117,17 @@ def test_a_plant_of_another_order_has_no_error():
 
     assert frame['error'] == []
     assert frame['state'] == [[0.0, 1.0, 1.0, 1.0]]
+
+
+def test_a_state_that_is_not_finite_and_events_with_labels_are_shown_all_the_same():
+    view = LiveView()
+    state = Vector(stamp_ns=1_000_000, names=('x1', 'x2'), values=np.array([np.inf, np.nan]))
+    view.hear(topics.STATE, pack_state(state))
+    labelled = np.zeros(2, LABELLED_EVENT_DTYPE)
+    view.hear(topics.EVENTS, pack_events(EventPacket(stamp_ns=1_000_000, events=labelled)))
+
+    frame = frame_of(view, [])
+
+    assert frame['state'] == [[0.0, None, None]]
+    assert frame['error'] == [[0.0, None]]
+    assert len(frame['events']) == 2

@@ -191,12 +191,12 @@ class LiveView:
 
     # -- signals --------------------------------------------------------------------------------
 
-    def _errors(self, states: list[Any]) -> list[list[float]]:
+    def _errors(self, states: list[Any]) -> list[list[float | None]]:
         held = self._equilibrium
         if held is None:
             return []
         return [
-            [self._seconds(v.stamp_ns), float(f'{error(v.values, held):.6g}')]
+            [self._seconds(v.stamp_ns), _shown(float(error(v.values, held)))]
             for v in states
             if v.values.shape == held.state.shape
         ]
@@ -252,7 +252,8 @@ class LiveView:
             offset += len(packet.events)
             columns = width or 1 + int(packet.events['x'].max())
             for event in chosen.tolist():
-                x, y, t, _, polarity, _ = event
+                # A label may follow.
+                x, y, t, _, polarity = event[:5]
                 marks.append([self._seconds(packet.stamp_ns + t), y * columns + x, polarity])
         return {'events': marks, 'events_a_mark': stride}
 
@@ -284,8 +285,13 @@ def _thinned(messages: list[Any]) -> list[Any]:
     return [messages[round((k + 1) * stride) - 1] for k in range(_SAMPLES_A_FRAME)]
 
 
-def _rounded(values: FloatArray) -> list[float]:
-    return [float(f'{value:.6g}') for value in values.tolist()]
+def _rounded(values: FloatArray) -> list[float | None]:
+    return [_shown(value) for value in values.tolist()]
+
+
+def _shown(value: float) -> float | None:
+    """A number in six digits; JSON knows none that is not finite."""
+    return float(f'{value:.6g}') if math.isfinite(value) else None
 
 
 def _described(scenario: Scenario, equilibrium: Equilibrium | None) -> Frame:

@@ -12,7 +12,9 @@ from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire import topics
+from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
+from dvs_common.wire.messages import parse_command, parse_image, parse_state
 from dvs_common.wire.stamped import stamp_of
 
 # What the bag of a run holds.
@@ -37,6 +39,28 @@ _NEEDED = (
 )
 
 
+def _events_of(message: bytes) -> int:
+    return len(parse_events(message).events)
+
+
+def _without_events(parse: Callable[[bytes], object]) -> Callable[[bytes], int]:
+    def read(message: bytes) -> int:
+        parse(message)
+        return 0
+
+    return read
+
+
+# Number of events in a message; raises `MessageError` for one that can't be read.
+_READ: dict[str, Callable[[bytes], int]] = {
+    topics.EVENTS: _events_of,
+    topics.LUMINOSITY: _without_events(parse_image),
+    topics.COMMAND: _without_events(parse_command),
+    topics.STATE: _without_events(parse_state),
+    topics.ESTIMATE: _without_events(parse_state),
+}
+
+
 # What is sent again to a volatile listener that comes late; it carries its stamp.
 _SENT_AGAIN = (topics.EVENTS, topics.COMMAND)
 
@@ -56,6 +80,7 @@ class RunRecorder:
 
     def __init__(self, node: Node, mode: str, bag: BagWriter) -> None:
         self._bag = bag
+        self._logger = node.get_logger()
         self.messages: dict[str, list[bytes]] = {topic: [] for topic in RECORDED}
         # When the samples came that no command has answered yet, up to the first command.
         self._sample_times_s: dict[int, float] = {}
@@ -81,14 +106,21 @@ class RunRecorder:
         def keep(message: bytes) -> None:
             if messages and message == messages[-1] and topic in _SENT_AGAIN:
                 return
+            self._bag.write(topic, time.time_ns(), message)
+            try:
+                events = _READ[topic](message) if topic in _READ else 0
+            except MessageError as error:
+                self._logger.error(
+                    f'message on {topic} left out of the verdict: {error}',
+                    throttle_duration_sec=5.0,
+                )
+                return
             messages.append(message)
+            self.event_count += events
             if topic == topics.COMMAND:
                 self._time_command(message)
             elif topic == topics.LUMINOSITY and self._first_sample_s is None:
                 self._sample_times_s.setdefault(stamp_of(message), time.perf_counter())
-            elif topic == topics.EVENTS:
-                self.event_count += len(parse_events(message).events)
-            self._bag.write(topic, time.time_ns(), message)
 
         return keep
 
