@@ -15,13 +15,13 @@ class Mutations:
     ----------
     seed
         Seed of the generator.
-    strangers
+    others
         Messages of other kinds, which may come in the place of the right one.
     """
 
-    def __init__(self, seed, strangers=()):
+    def __init__(self, seed, others=()):
         self._random = random.Random(seed)
-        self._strangers = strangers
+        self._others = others
         self._ways = [
             self._flip,
             self._cut,
@@ -30,7 +30,7 @@ class Mutations:
             self._double,
             self._stamp,
             self._noise,
-            *([self._stranger] if strangers else []),
+            *([self._other] if others else []),
         ]
 
     def of(self, message):
@@ -72,5 +72,5 @@ class Mutations:
         start = self._random.randrange(len(message) + 1)
         return message[:start] + self._random.randbytes(self._random.randint(0, 100))
 
-    def _stranger(self, _):
-        return bytearray(self._random.choice(self._strangers))
+    def _other(self, _):
+        return bytearray(self._random.choice(self._others))

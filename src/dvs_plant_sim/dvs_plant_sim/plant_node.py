@@ -26,7 +26,7 @@ from dvs_plant_sim.realtime_driver import RealtimeDriver
 
 _FAILURE = 1
 _STALE_S = 2.0
-# Of a command, whoever wrote it: reading millions of names would hold up the plant.
+# Bytes of a command, of any controller: reading millions of names would hold up the plant.
 _BYTES_AN_INPUT = 4096
 _LARGEST_INPUT = 1e100
 # Of a luminosity image.
