@@ -91,7 +91,7 @@ GOOD = {
     'command': command,
     'state': state,
 }
-STRANGERS = tuple(make(1) for make in GOOD.values())
+OTHERS = tuple(make(1) for make in GOOD.values())
 
 
 class Controller:
@@ -150,7 +150,7 @@ def taker(topic):
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('topic', GOOD)
 def test_a_mutated_message_is_read_or_refused(topic):
-    mutations = Mutations(seed=11, strangers=STRANGERS)
+    mutations = Mutations(seed=11, others=OTHERS)
     take, make = taker(topic), GOOD[topic]
     refused = 0
     for k in range(MESSAGES):
@@ -171,7 +171,7 @@ def test_a_mutated_picture_is_read_or_refused():
     writer.text('pixels')
     writer.text('png')
     writer.octets(picture.tobytes())
-    mutations = Mutations(seed=12, strangers=STRANGERS)
+    mutations = Mutations(seed=12, others=OTHERS)
     refused = 0
     for _ in range(200):
         try:

@@ -8,7 +8,7 @@ from loop_support import CONFIG, environment, operating, program, ros_arguments,
 from mutations import Mutations
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty
-from test_fuzz import GOOD, STRANGERS
+from test_fuzz import GOOD, OTHERS
 from test_health import latest
 
 from dvs_common.wire import topics
@@ -35,7 +35,7 @@ def figure(messages, node, name):
 
 def send_mutated(operator, publishers, count):
     """Mutated messages on every topic, from stamps that the loop has not reached."""
-    mutations = Mutations(seed=5, strangers=STRANGERS)
+    mutations = Mutations(seed=5, others=OTHERS)
     for k in range(count):
         for topic, publisher in publishers.items():
             message = mutations.of(GOOD.get(topic, GOOD['command'])(100_000 + k))
