@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from recorded_messages import MS, recorded
 
+from dvs_common.wire.messages import Vector, pack_state
 from dvs_simulation.judging.trace import IncompleteTraceError, decode_trace
 
 SAMPLES = [([k, -k], [1 + k, 2, 3], [1, 2, 3 + k]) for k in range(4)]
@@ -71,3 +72,13 @@ def test_a_message_that_was_sent_again_counts_once(topic):
 def test_nothing_recorded_is_no_trace():
     with pytest.raises(IncompleteTraceError, match='no command'):
         decode_trace(recorded([]))
+
+
+@pytest.mark.parametrize('topic', ['estimate', 'state'])
+def test_a_message_of_another_size_is_named(topic):
+    messages = recorded([([0.1, 0.2], [0.5, 0.6, 0.7], [0.5, 0.6, 0.7])] * 3)
+    alien = Vector(stamp_ns=MS, names=('x1',), values=np.array([1.0]))
+    messages[topic][1] = pack_state(alien)
+
+    with pytest.raises(IncompleteTraceError, match=f'messages on {topic} have 1, '):
+        decode_trace(messages)

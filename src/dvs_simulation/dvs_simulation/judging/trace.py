@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,8 @@ def decode_trace(messages: Messages) -> Trace:
     Raises
     ------
     IncompleteTraceError
-        If a topic is empty, or its samples are not those of the commands.
+        If a topic is empty, its samples are not those of the commands, or a message is of another
+        size than the others.
     """
     commands = {v.stamp_ns: v.values for v in map(parse_command, messages[topics.COMMAND])}
     states = {v.stamp_ns: v.values for v in map(parse_state, messages[topics.STATE])}
@@ -104,13 +106,23 @@ def decode_trace(messages: Messages) -> Trace:
     event_times_ns = [p.stamp_ns - start_ns + p.events['t'].astype(np.int64) for p in kept]
     return Trace(
         times_s=as_seconds(np.array(stamps, dtype=np.int64) - start_ns),
-        states=np.array([states[stamp] for stamp in stamps]),
-        luminosities=np.array(
-            [frames[stamp].pixels.reshape(-1) for stamp in stamps], dtype=np.float64
+        states=_stacked('state', [states[stamp] for stamp in stamps]),
+        luminosities=_stacked(
+            'luminosity', [frames[stamp].pixels.reshape(-1) for stamp in stamps]
         ),
-        estimates=np.array([estimates[stamp] for stamp in stamps]),
-        commands=np.array(list(commands.values())),
+        estimates=_stacked('estimate', [estimates[stamp] for stamp in stamps]),
+        commands=_stacked('command', list(commands.values())),
         events=np.concatenate([p.events for p in kept] or [np.empty(0, EVENT_DTYPE)]),
         event_times_s=as_seconds(np.concatenate(event_times_ns)),
         width=frames[start_ns].pixels.shape[1],
     )
+
+
+def _stacked(name: str, rows: Sequence[NDArray[Any]]) -> FloatArray:
+    """Rows of one topic as an array; a message of another program may have another size."""
+    sizes = {row.size for row in rows}
+    if len(sizes) > 1:
+        raise IncompleteTraceError(
+            f'messages on {name} have {", ".join(map(str, sorted(sizes)))} entries'
+        )
+    return np.array(rows, dtype=np.float64)
