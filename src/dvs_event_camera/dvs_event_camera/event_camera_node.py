@@ -84,6 +84,8 @@ class EventCameraNode(ManagedNode):
         self._points = self.advertise_on_demand(PointCloud2, topics.EVENT_CLOUD, stream)
         self._packets = self._advertise_event_packets(stream)
         self._listen(stream)
+        for topic in (self._source, topics.EVENTS):
+            self.expect_one_publisher(topic)
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
 
     def _events_qos(self) -> QoSProfile:

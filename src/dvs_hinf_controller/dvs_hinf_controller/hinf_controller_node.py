@@ -81,6 +81,8 @@ class HinfControllerNode(ManagedNode):
         self.listen(PointCloud2, topics.KEYFRAME, self._take_keyframe, latched)
         self.listen(Image, topics.ANCHOR, self._take_anchor, topics.stream_qos())
         self.every(_ASK_AGAIN_S, self._keep_asking)
+        for topic in (topics.EVENTS, topics.COMMAND):
+            self.expect_one_publisher(topic)
         self._report_design()
 
     def _report_design(self) -> None:

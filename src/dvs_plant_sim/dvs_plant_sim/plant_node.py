@@ -98,6 +98,8 @@ class PlantNode(ManagedNode):
             topics.LUMINOSITY,
             topics.stream_qos(topics.history_depth(_BYTES_A_PIXEL * pixels)),
         )
+        for topic in (topics.LUMINOSITY, topics.COMMAND):
+            self.expect_one_publisher(topic)
         self._state_publisher = self.advertise_on_demand(
             JointState, topics.STATE, topics.stream_qos(topics.LISTENER_DEPTH)
         )

@@ -58,6 +58,7 @@ class ManagedNode(StreamNode):
     ) -> None:
         super().__init__(executable, own_parameters=own_parameters, **node_arguments)
         self.exit_code: int | None = None
+        self._lost_reported = 0
         self._configured: Scenario | None = None
         self._guard_transitions()
 
@@ -191,11 +192,24 @@ class ManagedNode(StreamNode):
         troubles = list(health.troubles)
         if self.rejected_messages:
             troubles.append(Trouble(level=Level.WARN, message='messages refused'))
+        if self.lost_messages > self._lost_reported:
+            troubles.append(
+                Trouble(level=Level.WARN, message='overload: messages lost before they were taken')
+            )
+        self._lost_reported = self.lost_messages
+        for rivals in self.rivals():
+            self.get_logger().error(rivals, throttle_duration_sec=10.0)
+            troubles.append(Trouble(level=Level.ERROR, message=rivals))
         if self._clock_stands():
             self.get_logger().warning(_NO_CLOCK, throttle_duration_sec=10.0)
             troubles.append(Trouble(level=Level.WARN, message=_NO_CLOCK))
         health = Health(
-            troubles=troubles, values={**health.values, 'messages refused': self.rejected_messages}
+            troubles=troubles,
+            values={
+                **health.values,
+                'messages refused': self.rejected_messages,
+                'messages lost before they were taken': self.lost_messages,
+            },
         )
         status = DiagnosticStatus(
             level=bytes([health.level]),

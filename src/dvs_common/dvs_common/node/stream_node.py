@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.timer import Timer
@@ -20,6 +21,9 @@ from dvs_common.node.parameter_node import ParameterNode
 from dvs_common.node.token_publisher import TokenPublisher
 from dvs_common.scenario.schema import ParameterSpec
 from dvs_common.wire.cdr import MessageError
+
+# The middleware gives up a killed process only after a while.
+_GHOST = ' (unless one was killed in the last seconds)'
 
 
 class StreamNode(ParameterNode):
@@ -50,6 +54,8 @@ class StreamNode(ParameterNode):
     ) -> None:
         super().__init__(executable, own_parameters=own_parameters, **node_arguments)
         self.rejected_messages = 0
+        self.lost_messages = 0
+        self._sole: list[str] = []
         self._heard_s: dict[str, float] = {}
         self._active_since_s = 0.0
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
@@ -146,8 +152,41 @@ class StreamNode(ParameterNode):
             except Exception:
                 self._reject(topic, f'unexpected error:\n{traceback.format_exc()}')
 
-        subscription = self.create_subscription(message_type, topic, guarded, qos, raw=True)
+        subscription = self.create_subscription(
+            message_type,
+            topic,
+            guarded,
+            qos,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
+        )
         self._entities.append((self.destroy_subscription, subscription))
+
+    def expect_one_publisher(self, topic: str) -> None:
+        """Make several publishers of a topic an error: their messages can't be told apart.
+
+        Parameters
+        ----------
+        topic
+            Topic of which one publisher is right.
+        """
+        self._sole.append(topic)
+
+    def rivals(self) -> list[str]:
+        """Topics that have several publishers, with the names of their nodes."""
+        found = []
+        for topic in self._sole:
+            names = sorted(
+                f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                for info in self.get_publishers_info_by_topic(topic)
+            )
+            if len(names) > 1:
+                ghost = '' if len(set(names)) == len(names) else _GHOST
+                found.append(f'{topic} has {len(names)} publishers: {", ".join(names)}{ghost}')
+        return found
+
+    def _count_lost(self, info: Any) -> None:
+        self.lost_messages += info.total_count_change
 
     def _reject(self, topic: str, reason: str) -> None:
         self.rejected_messages += 1
@@ -206,6 +245,7 @@ class StreamNode(ParameterNode):
 
     def _destroy_entities(self) -> None:
         self._looking.clear()
+        self._sole.clear()
         while self._entities:
             destroy, entity = self._entities.pop()
             destroy(entity)

@@ -1,0 +1,35 @@
+"""Two nodes that publish one topic of the loop are an error that names both."""
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from loop_support import operating, ros_arguments, start, stop
+from test_health import latest
+
+LISTENER = {'event_camera': 'hinf_controller', 'hinf_controller': 'plant_sim'}
+LISTENER['plant_sim'] = 'event_camera'
+TOPIC = {'event_camera': 'events', 'hinf_controller': 'command', 'plant_sim': 'luminosity'}
+
+
+@pytest.mark.parametrize('executable', LISTENER)
+def test_a_second_node_of_a_kind_is_named_by_those_who_hear_both(executable, domain, processes):
+    listener = start(LISTENER[executable], domain)
+    processes.append(listener)
+    for name in ('first', 'second'):
+        arguments = ros_arguments({'duration': 0.0})
+        processes.append(start(executable, domain, [*arguments, '-r', f'__node:={name}']))
+    rivals = f'{TOPIC[executable]} has 2 publishers: /first, /second'
+    with operating(domain) as operator:
+        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+
+        def is_named():
+            status = latest(health, LISTENER[executable])
+            return status and status.level >= DiagnosticStatus.ERROR and rivals in status.message
+
+        assert operator.spin_until(is_named, timeout_s=60)
+        stop(processes[-1])
+        health.clear()
+        assert operator.spin_until(
+            lambda: latest(health, LISTENER[executable]) and not is_named(), timeout_s=60
+        )
+    _, output = stop(listener)
+    assert rivals in output
