@@ -11,7 +11,7 @@ TOPIC = {'event_camera': 'events', 'hinf_controller': 'command', 'plant_sim': 'l
 
 
 @pytest.mark.parametrize('executable', LISTENER)
-def test_a_second_node_of_a_kind_is_named_by_whoever_receives_both(executable, domain, processes):
+def test_two_nodes_of_a_kind_are_an_error_with_both_names(executable, domain, processes):
     listener = start(LISTENER[executable], domain)
     processes.append(listener)
     for name in ('first', 'second'):

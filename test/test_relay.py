@@ -1,0 +1,91 @@
+"""A relay drops, doubles, reorders and delays the messages of a lockstep loop: it heals itself."""
+
+import random
+
+import pytest
+from loop_support import CONFIG, operating, ros_arguments, start, stop
+from sensor_msgs.msg import Image, JointState, PointCloud2
+from test_kill_rounds import ROUNDING, Rounds
+
+from dvs_common.wire import topics
+
+KINDS = {
+    'luminosity': (Image, topics.stream_qos()),
+    'events': (PointCloud2, topics.latched_qos()),
+    'command': (JointState, topics.latched_qos()),
+    'keyframe': (PointCloud2, topics.latched_qos(depth=1)),
+}
+# Who publishes what under another name, so that it passes through the relay.
+SOURCES = {
+    'plant_sim': ('luminosity',),
+    'event_camera': ('events', 'keyframe'),
+    'hinf_controller': ('command',),
+}
+SHARE = 0.002
+
+
+class Relay:
+    """Passes messages on; now and then it loses, doubles, delays one or swaps it with the next."""
+
+    def __init__(self, operator, seed):
+        self._random = random.Random(seed)
+        self.disturbed = 0
+        self.is_quiet = False
+        for topic, (kind, qos) in KINDS.items():
+            publisher = operator.node.create_publisher(kind, topic, qos)
+            self._carry(operator.node, kind, topic, qos, publisher)
+
+    def _carry(self, node, kind, topic, qos, publisher):
+        held = []
+
+        def take(message):
+            waiting = held[:]
+            held.clear()
+            if self.is_quiet or self._random.random() > SHARE:
+                copies = [message]
+            else:
+                self.disturbed += 1
+                way = self._random.choice(('drop', 'double', 'hold'))
+                copies = {'drop': [], 'double': [message] * 2, 'hold': []}[way]
+                if way == 'hold':
+                    # It comes after its successor: late, and out of order.
+                    held.append(message)
+            for sent in (*copies, *waiting):
+                publisher.publish(sent)
+
+        node.create_subscription(kind, f'{topic}_sent', take, qos, raw=True)
+
+
+def relayed(seed, samples, domain, processes):
+    with operating(domain) as operator:
+        relay = Relay(operator, seed)
+        rounds = Rounds(operator, domain, processes, 'lockstep', seed)
+        for name, sent in SOURCES.items():
+            arguments = ros_arguments({'duration': 0.0}, CONFIG / 'mirror_r3.yaml')
+            for topic in sent:
+                arguments += ['-r', f'{topic}:={topic}_sent']
+            rounds.running[name] = start(name, domain, arguments)
+            processes.append(rounds.running[name])
+        assert operator.spin_until(lambda: len(rounds.states) > samples, timeout_s=600)
+        relay.is_quiet = True
+        rounds.forget()
+        assert operator.spin_until(rounds.is_inside, timeout_s=60), rounds.health
+        ratio = rounds.ratio_while_exact()
+        assert ratio <= 1 + ROUNDING, (ratio, rounds.health)
+        disturbed = relay.disturbed
+    for process in processes:
+        code, output = stop(process)
+        assert code == 0, output
+        assert 'Traceback' not in output, output
+    return disturbed
+
+
+def test_a_lockstep_loop_heals_itself_behind_a_relay_that_disturbs_its_messages(domain, processes):
+    assert relayed(1, 2000, domain, processes) > 5
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize('seed', range(2, 7))
+def test_a_lockstep_loop_heals_itself_behind_a_relay_for_long(seed, domain, processes):
+    assert relayed(seed, 20_000, domain, processes) > 50
