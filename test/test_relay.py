@@ -66,7 +66,9 @@ def relayed(seed, samples, domain, processes):
                 arguments += ['-r', f'{topic}:={topic}_sent']
             rounds.running[name] = start(name, domain, arguments)
             processes.append(rounds.running[name])
-        assert operator.spin_until(lambda: len(rounds.states) > samples, timeout_s=600)
+        while len(rounds.states) < samples:
+            ratio = rounds.ratio_while_exact()
+            assert ratio <= 1 + ROUNDING, (ratio, rounds.health)
         relay.is_quiet = True
         rounds.forget()
         assert operator.spin_until(rounds.is_inside, timeout_s=60), rounds.health
