@@ -29,12 +29,13 @@ def streams_started_in(order, domain, processes, samples):
             processes.append(start(executable, domain, arguments))
             time.sleep(0.6)
         listener.spin_until(
-            lambda: all(len(listener.streams[topic]) > samples for topic in STREAMS)
+            lambda: all(len(set(listener.streams[topic])) > samples for topic in STREAMS)
         )
         for process in processes[-3:]:
             code, output = stop(process)
             assert code == 0, output
-        return listener.streams
+    # A sample that waits for a late partner is sent, and answered, again with the same bytes.
+    return {topic: list(dict.fromkeys(stream)) for topic, stream in listener.streams.items()}
 
 
 def test_all_six_start_orders_give_the_same_bytes(new_domain, processes):

@@ -11,7 +11,7 @@ from scipy.linalg import logm
 from dvs_common.scenario.scenario import load_scenario
 from dvs_hinf_controller.design.design import design_from_scenario, save_design
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import judge
+from dvs_simulation.judging.verdict import Promised, judge
 from dvs_simulation.sampled.sampled_loop import run_sampled
 
 mujoco = pytest.importorskip('mujoco')
@@ -72,7 +72,7 @@ def test_ten_random_starts_end_regulated(tmp_path):
             decode_trace(run.messages),
             own,
             name='cart_pole',
-            h_star=figures.h_star,
+            promised=Promised.of(run.design),
             wall_seconds=1.0,
             interrupted=False,
         )

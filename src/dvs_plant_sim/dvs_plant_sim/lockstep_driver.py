@@ -25,6 +25,7 @@ _PATIENCE_TURNS = 4
 _MEETING_TURN_S = 0.05
 _REPLAY_TURNS = 4
 _MEETING_TURNS = 20
+_LONGEST_REPLAY_TURNS = 100
 # However small the real_time_factor: a timer can't be set to any time.
 _LONGEST_PAUSE_S = 3600.0
 
@@ -56,18 +57,18 @@ class LockstepDriver:
         scenario = self._scenario
         self._due.cancel()
         self._meeting.reset()
-        self._turns_alone = self._turns_met = 0
+        self._turns = self._quiet_turns = 0
         self._handshake = Handshake(period_ns=self._period_ns, last_sample=scenario.sample_count)
         self._pace = Pace(scenario.loop.real_time_factor)
         self._cycle_rate = RateMeter()
 
     def _meet(self) -> None:
         """Let a turn of the meeting pass; it ends, too, where no controller is there."""
-        if self._node.count_publishers(topics.COMMAND):
-            self._turns_met += 1
-        else:
-            self._turns_alone += 1
-        if self._turns_met >= _REPLAY_TURNS or self._turns_alone >= _MEETING_TURNS:
+        self._turns += 1
+        is_met = self._node.count_publishers(topics.COMMAND) > 0
+        self._quiet_turns += is_met
+        patience = _LONGEST_REPLAY_TURNS if is_met else _MEETING_TURNS
+        if self._quiet_turns >= _REPLAY_TURNS or self._turns >= patience:
             self._meeting.cancel()
             self._publish()
 
@@ -81,6 +82,8 @@ class LockstepDriver:
     def _step(self, message: bytes) -> None:
         command = self._node.checked_command(message)
         if not self._handshake.accepts(command.stamp_ns):
+            # While they meet: the replay of a former life is not over.
+            self._quiet_turns = 0
             return
         if self._handshake.sample == 0:
             self._first_answer_s = time.perf_counter()
