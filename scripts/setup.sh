@@ -118,7 +118,7 @@ fi
 
 enter_ros
 manifests=("$root"/src/*/package.xml "$root"/src/*/setup.py "$root"/src/*/setup.cfg)
-wanted=$(checksum "${manifests[@]}" <(find "$root/src" -path '*/launch/*' -o -path '*/resource/*') <(ls "$root/config" "$root"/src/*/*/__init__.py))
+wanted=$(checksum "${manifests[@]}" <(find "$root/src" -path '*/launch/*' -o -path '*/layouts/*' -o -path '*/resource/*') <(ls "$root/config" "$root"/src/*/*/__init__.py))
 if ! is_current "$root/install/.dvs" "$wanted"; then
     echo "building the workspace ..."
     if ! (cd "$root" && build)  >"$log" 2>&1; then
