@@ -124,6 +124,7 @@ def test_the_layouts_are_installed():
         'foxglove.json',
         'plotjuggler.xml',
         'rqt.perspective',
+        'rviz.rviz',
     ]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from importlib import import_module
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from dvs_common.errors import ParameterError
 
@@ -113,6 +115,7 @@ class Cluster:
                 tls_client_key=str(self.tls.key),
                 require_encryption=True,
             )
+        _require_answer(scheduler)
         try:
             return distributed.Client(scheduler, timeout=_ANSWER_S, security=security)
         except (OSError, ValueError) as error:
@@ -132,6 +135,21 @@ def _interrupts_for_us_alone() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _require_answer(scheduler: str) -> None:
+    """Refuse an address without a listening scheduler.
+
+    A client of Dask that fails to connect is left behind, and may block the next cluster of the
+    process when it is collected.
+    """
+    try:
+        url = urlsplit(scheduler)
+        if url.scheme not in ('tcp', 'tls') or not url.hostname or not url.port:
+            raise ValueError('it must be tcp://HOST:PORT or tls://HOST:PORT')
+        socket.create_connection((url.hostname, url.port), timeout=_ANSWER_S).close()
+    except (OSError, ValueError) as error:
+        raise ParameterError('scheduler', scheduler, f'does not answer: {error}') from None
 
 
 THIS_MACHINE = Cluster()
