@@ -87,7 +87,8 @@ def test_a_restarted_plant_takes_no_latched_command_of_its_former_life(domain, p
         listener.spin_until(lambda: False, timeout_s=1.0)
 
     assert second.returncode == 0, output
-    assert 'refused' not in output
+    # The last one of the former life may be sent again to who comes late: it is from the future.
+    assert '(2 so far)' not in output
     assert f'finished: {samples} cycles' in output
     answers = {command[:12] for command in listener.streams[topics.COMMAND][before:]}
     assert len(answers) == samples + 1

@@ -27,10 +27,14 @@ def bytes_of(bag):
     streams = {
         topic: {'messages': 0, 'sha256': hashlib.sha256()} for topic in ('events', 'command')
     }
+    last = {}
     with Reader(bag) as reader:
         for connection, _, message in reader.messages():
-            stream = streams.get(connection.topic.removeprefix('/'))
-            if stream:
+            topic = connection.topic.removeprefix('/')
+            stream = streams.get(topic)
+            # A sample that waited half a second was sent, and answered, again.
+            if stream and last.get(topic) != message:
+                last[topic] = message
                 stream['messages'] += 1
                 stream['sha256'].update(len(message).to_bytes(4, 'little') + bytes(message))
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from rclpy.qos import DurabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -46,7 +47,9 @@ class LockstepDriver:
         self._scenario = scenario
         self._period_ns = scenario.sampling_period_ns
         self._clock_publisher = node.advertise_on_demand(Clock, topics.CLOCK, topics.clock_qos())
+        # A controller latches the commands of this plant's former life: they must not come here.
         qos = topics.handshake_qos(scenario.loop.mode)
+        qos.durability = DurabilityPolicy.VOLATILE
         node.listen(JointState, topics.COMMAND, self._step, qos)
         node.every(_RESEND_S, self._wait)
         self._due = node.every(1.0, self._publish_due)
