@@ -21,12 +21,12 @@ from dvs_plant_sim.pacing import Pace
 _RESEND_S = 0.5
 # Turns after which, again and again, the missing partner is named.
 _PATIENCE_TURNS = 4
-# A controller that was there before latches the commands of the plant's former life. They come as
-# soon as it is met, and are over before the first sample is sent.
+# The first sample waits until a controller is met, so that its answer is not lost. One that was
+# there before sends its last command again to a late subscriber: it belongs to a former life.
 _MEETING_TURN_S = 0.05
-_REPLAY_TURNS = 4
-_MEETING_TURNS = 20
-_LONGEST_REPLAY_TURNS = 100
+_QUIET_TURNS = 4
+_TURNS_ALONE = 20
+_LONGEST_MEETING_TURNS = 100
 # However small the real_time_factor: a timer can't be set to any time.
 _LONGEST_PAUSE_S = 3600.0
 
@@ -56,7 +56,7 @@ class LockstepDriver:
         self._meeting = node.every(_MEETING_TURN_S, self._meet)
 
     def start(self) -> None:
-        """Publish sample 0 as soon as latched commands of a former life have come and gone."""
+        """Publish sample 0 once a controller is met and no command of a former life comes."""
         scenario = self._scenario
         self._due.cancel()
         self._meeting.reset()
@@ -66,12 +66,12 @@ class LockstepDriver:
         self._cycle_rate = RateMeter()
 
     def _meet(self) -> None:
-        """Let a turn of the meeting pass; it ends, too, where no controller is there."""
+        """Let a turn of the meeting pass; it ends without a controller too, after a while."""
         self._turns += 1
         is_met = self._node.count_publishers(topics.COMMAND) > 0
         self._quiet_turns += is_met
-        patience = _LONGEST_REPLAY_TURNS if is_met else _MEETING_TURNS
-        if self._quiet_turns >= _REPLAY_TURNS or self._turns >= patience:
+        patience = _LONGEST_MEETING_TURNS if is_met else _TURNS_ALONE
+        if self._quiet_turns >= _QUIET_TURNS or self._turns >= patience:
             self._meeting.cancel()
             self._publish()
 
@@ -85,7 +85,7 @@ class LockstepDriver:
     def _step(self, message: bytes) -> None:
         command = self._node.checked_command(message)
         if not self._handshake.accepts(command.stamp_ns):
-            # While they meet: the replay of a former life is not over.
+            # While they meet: a command of a former life.
             self._quiet_turns = 0
             return
         if self._handshake.sample == 0:
