@@ -130,9 +130,9 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
         assert operator.spin_until(lambda: is_exact(messages))
         operator.spin_until(lambda: False, timeout_s=1.0)
         stop(processes[1])
+        operator.forget(messages)
         late = start('hinf_controller', domain, arguments)
         processes.append(late)
-        messages.clear()
 
         assert operator.spin_until(lambda: is_exact(messages))
     _, output = stop(late)
@@ -188,7 +188,7 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
         if 'deactivate' in order:
             assert operator.transition('hinf_controller', 'deactivate')
             assert operator.transition('hinf_controller', 'activate')
-        messages.clear()
+        operator.forget(messages)
         assert operator.spin_until(lambda: is_exact(messages))
         assert sector_ratio(operator, luminosities, estimates) <= 1 + 1e-9
     for process in started.values():
@@ -235,13 +235,12 @@ def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, p
             assert passes(300)
         code, output = stop(processes[-1])
         assert code == 0, output
-        messages.clear()
+        operator.forget(messages)
         processes.append(start('hinf_controller', domain))
         assert operator.spin_until(lambda: is_exact(messages, h='0.08'))
         assert passes(300)
         plant.send_signal(signal.SIGSTOP)
-        operator.spin_until(lambda: False, timeout_s=0.5)
-        keyframes.clear()
+        operator.forget(keyframes)
         asking.publish(Empty())
         assert operator.spin_until(lambda: keyframes)
         assert np.array_equal(estimates[-1].position, estimate_of(keyframes[-1], 0.08))

@@ -27,7 +27,7 @@ def test_two_nodes_of_a_kind_are_an_error_with_both_names(executable, domain, pr
 
         assert operator.spin_until(is_named, timeout_s=60)
         stop(processes[-1])
-        health.clear()
+        operator.forget(health)
         assert operator.spin_until(
             lambda: latest(health, LISTENER[executable]) and not is_named(), timeout_s=60
         )
