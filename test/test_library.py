@@ -119,6 +119,19 @@ def test_importing_a_package_imports_nothing_heavy():
     python(f'import sys\n{imports}\nassert not set(sys.modules) & set({heavy})', paths)
 
 
+def test_the_nodes_of_a_loop_import_nothing_that_only_some_scenarios_need():
+    heavy = ('numba', 'control', 'matplotlib', 'scipy.optimize', 'scipy.special', 'scipy.signal')
+    nodes = (
+        'dvs_plant_sim.plant_sim_node',
+        'dvs_event_camera.event_camera_node',
+        'dvs_hinf_controller.hinf_controller_node',
+    )
+    imports = '\n'.join(f'import {node}' for node in nodes)
+    paths = os.pathsep.join(str(ROOT / 'src' / core) for core in CORES)
+
+    python(f'import sys\n{imports}\nassert not set(sys.modules) & set({heavy})', paths)
+
+
 def test_the_page_of_the_library_is_not_stale():
     check = subprocess.run(
         [sys.executable, ROOT / 'scripts' / 'library_doc.py', '--check'],

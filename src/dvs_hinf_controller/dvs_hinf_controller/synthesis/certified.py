@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.optimize
-import scipy.sparse
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
@@ -279,6 +277,10 @@ def _linear_program(
 
     Every entry of the kernels is split into its positive and its negative part.
     """
+    # Half as long to load as all else that a controller needs.
+    import scipy.optimize
+    import scipy.sparse
+
     nodes, _, k = responses.shape
     parts = nodes * len(rows)
     scale = 1 / max(float(weights @ np.linalg.norm(nominal, axis=1)), 1e-300)

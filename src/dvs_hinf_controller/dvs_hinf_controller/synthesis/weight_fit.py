@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import StateSpace
@@ -121,6 +120,9 @@ def _better_extension(
 
 
 def _extended(old: _Sections, kind: int, frequencies: FloatArray, target: FloatArray) -> _Sections:
+    # Half as long to load as all else that a controller needs.
+    import scipy.optimize
+
     residual = target - old.log_magnitude(frequencies)
     centre = np.log(frequencies[int(np.argmax(np.abs(residual - np.median(residual))))])
     start = {
