@@ -37,7 +37,6 @@ LARGE = {
     'dvs_simulation.exact.kernel': "numba's cache notices a change of a function's own file only",
     'dvs_hinf_controller.analysis.kernel': 'the kernel of a response and every bound on its tail',
     'dvs_hinf_controller.running.intervals': 'one rule a method, all on the same arrays',
-    'dvs_hinf_controller.running.reference_watch': 'one state machine: the order of what applies',
     'dvs_event_camera.pixels.pixel_array': 'the stages of one update share the arrays of a frame',
 }
 SAME_LINES = 10

@@ -13,7 +13,7 @@ from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.running.event_controller import EventController
-from dvs_hinf_controller.running.reference_watch import Synchrony
+from dvs_hinf_controller.running.reference_state import Synchrony
 
 SCENARIO = Scenario.from_values({})
 DESIGN = design_from_scenario(SCENARIO)

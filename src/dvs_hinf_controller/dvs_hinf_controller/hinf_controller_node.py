@@ -26,7 +26,7 @@ from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.running.event_controller import PacketReport
 from dvs_hinf_controller.running.make_controller import event_controller
-from dvs_hinf_controller.running.reference_watch import Synchrony
+from dvs_hinf_controller.running.reference_state import Synchrony
 
 _ASK_AGAIN_S = 0.5
 _STALE_S = 2.0
@@ -232,9 +232,9 @@ class HinfControllerNode(ManagedNode):
                 'packets out of time': references.gate.refused,
                 'resynchronisations': self._resynchronisations,
                 'estimator': self._controller.synchrony.value,
-                'anchors': references.anchors,
-                'anchors unused': references.anchors_unused,
-                'pixels contradicted by anchors': references.contradictions,
+                'anchors': references.anchors.used,
+                'anchors unused': references.anchors.unused,
+                'pixels contradicted by anchors': references.anchors.contradictions,
                 'pixels masked': references.health.masked_count,
                 'age of events [s]': f'{self.silence_s(topics.EVENTS):.3f}',
                 'h': h,

@@ -20,7 +20,7 @@ from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.event_controller import EventController, PacketReport
-from dvs_hinf_controller.running.reference_watch import Synchrony
+from dvs_hinf_controller.running.reference_state import Synchrony
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 
 MS = 1_000_000
@@ -658,13 +658,13 @@ def test_an_anchor_waits_for_the_packet_of_its_stamp_and_counts_what_came_after(
     for each in (early, late):
         each.take(packet(0))
     early.take_anchor(anchor)
-    assert early.references.anchors == 0
+    assert early.references.anchors.used == 0
     for row in late_rows:
         early.take(packet(*row))
         late.take(packet(*row))
     late.take_anchor(anchor)
 
-    assert early.references.anchors == late.references.anchors == 1
+    assert early.references.anchors.used == late.references.anchors.used == 1
     np.testing.assert_allclose(early.estimate, late.estimate, rtol=1e-12)
     assert np.any(early.estimate != running().estimate)
 
@@ -680,7 +680,7 @@ def test_an_anchor_of_forgotten_times_changes_nothing(stamp_ns):
             found.take_anchor(anchor)
     else:
         found.take_anchor(anchor)
-        assert found.references.anchors_unused == 1
+        assert found.references.anchors.unused == 1
     np.testing.assert_array_equal(found.estimate, before)
 
 

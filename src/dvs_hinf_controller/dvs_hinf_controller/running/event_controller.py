@@ -18,7 +18,8 @@ from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.held_input import HeldInputResponse
-from dvs_hinf_controller.running.reference_watch import ReferenceWatch, Synchrony, Taken
+from dvs_hinf_controller.running.reference_state import Synchrony, Taken
+from dvs_hinf_controller.running.reference_watch import ReferenceWatch
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 
 _KEPT_STEPS = 16
