@@ -20,6 +20,34 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 _DOMAINS = 101
 _TURNS = itertools.count(os.getpid() * 13)
 
+# These take longest, and so they begin first: what comes last is short, and no worker waits.
+_LONGEST = (
+    'test_every_command_of_a_page_works',
+    'test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut',
+    'test_all_six_start_orders_give_the_same_bytes',
+    'test_two_runs_and_a_composed_run_give_the_same_bytes',
+    'test_a_lockstep_loop_regulates_again_whichever_nodes_were_killed',
+    'test_two_loops_run_side_by_side_as_if_alone',
+    'test_a_script_runs_small_and_leaves_its_files',
+    'test_replayed_events_give_the_recorded_commands',
+    'test_scenario_regulates',
+)
+_OF_PROCESSES = {'domain', 'new_domain', 'processes'}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
+    """Put the longest first; a test of processes goes to any worker, others with their file."""
+    for item in items:
+        if _turn(item) > 0:
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+    items.sort(key=_turn)
+
+
+def _turn(item: pytest.Function) -> int:
+    if item.originalname in _LONGEST:
+        return _LONGEST.index(item.originalname) - len(_LONGEST)
+    return int(not _OF_PROCESSES.intersection(item.fixturenames))
+
 
 @pytest.fixture(scope='module')
 def new_domain() -> Iterator[Callable[[], int]]:

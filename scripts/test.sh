@@ -32,17 +32,17 @@ ruff format --check "${ours[@]}"
 ruff check "${ours[@]}"
 mypy
 
-# Most tests wait for processes to start and to meet: several at a time. A file's tests stay
-# together, and those that wait longest, test/, come first.
-workers=$(nproc)
-[ "$workers" -le 4 ] || workers=4
+# Most tests wait for processes to start and to meet, so that there are more of them than processors.
+# conftest.py has the order, and which tests stay together.
+workers=$(($(nproc) * 2))
+[ "$workers" -le 8 ] || workers=8
 chosen() {
     python -m pytest "$@" || { status=$?; [ $status = 5 ]; }    # 5: none of this kind was asked for
 }
 # Processes that meet over a middleware are at the mercy of the machine: what fails is tried once
 # more, and the summary says so.
 again=(--reruns 1)
-together=(--durations 15 -n "$workers" --dist loadfile --no-loadscope-reorder)
+together=(--durations 15 -n "$workers" --dist loadgroup --no-loadscope-reorder)
 case $which in
     fast) chosen -m 'not processes and not wall_clock and not long' "${together[@]}" "$@" src ;;
     *)

@@ -13,6 +13,9 @@ from dvs_closed_loop.bags.bag import read_bag
 from dvs_common.wire import topics
 from dvs_common.wire.messages import parse_command, parse_image
 
+# One run on one machine is enough for both.
+pytestmark = pytest.mark.xdist_group('two_machines')
+
 PARTNERS = ('event_camera', 'hinf_controller')
 SUBNET = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
 
