@@ -152,6 +152,9 @@ def all_imports(path):
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            folder = path.parents[node.level - 1].relative_to(ROOT / 'src').parts[1:]
+            yield '.'.join([*folder, node.module])
         elif isinstance(node, ast.ImportFrom) and node.module in MODULES:
             yield node.module
         elif isinstance(node, ast.ImportFrom):

@@ -34,7 +34,6 @@ MOST_LINES = 400
 # Larger modules, and why each is one.
 LARGE = {
     'dvs_common.wire.messages': 'each message of the contract packed and parsed, side by side',
-    'dvs_simulation.exact.kernel': "numba's cache notices a change of a function's own file only",
     'dvs_hinf_controller.analysis.kernel': 'the kernel of a response and every bound on its tail',
     'dvs_hinf_controller.running.intervals': 'one rule a method, all on the same arrays',
     'dvs_event_camera.pixels.pixel_array': 'the stages of one update share the arrays of a frame',
@@ -60,6 +59,14 @@ MODULES = {
 PACKAGES = [package for floor in FLOORS for package in floor]
 
 
+def origin(path, node):
+    """Full name of the module that an import in a file takes from."""
+    if not node.level:
+        return node.module
+    folder = path.parents[node.level - 1].relative_to(ROOT / 'src').parts[1:]
+    return '.'.join([*folder, *filter(None, [node.module])])
+
+
 def imported(path, *, late):
     """Our modules that a file imports, not counting types; with `late`, in functions too."""
     pending = list(ast.parse(path.read_text()).body)
@@ -67,10 +74,11 @@ def imported(path, *, late):
         node = pending.pop()
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in MODULES)
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif isinstance(node, ast.ImportFrom):
+            module = origin(path, node)
             for alias in node.names:
-                inner = f'{node.module}.{alias.name}'
-                found = inner if inner in MODULES else node.module
+                inner = f'{module}.{alias.name}'
+                found = inner if inner in MODULES else module
                 if found in MODULES:
                     yield found
         elif isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
@@ -171,6 +179,52 @@ def test_ten_lines_that_differ_in_layout_only_would_be_found():
 
     assert said_twice({'a': '\n'.join(lines), 'b': 'def f():\n' + '\n'.join(spread)})
     assert not said_twice({'a': '\n'.join(lines), 'b': '\n'.join(lines[:9])})
+
+
+COMPILERS = ('kernel', 'jit')
+
+
+def used_from_elsewhere(path):
+    """What compiled functions of a file use from other folders of ours."""
+    tree = ast.parse(path.read_text())
+    foreign = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if (module := origin(path, node)).startswith('dvs_')
+        and MODULES.get(module, path).parent != path.parent
+    }
+    for function in tree.body:
+        if isinstance(function, ast.FunctionDef) and any(
+            ast.unparse(decorator) in COMPILERS for decorator in function.decorator_list
+        ):
+            names = {
+                node.id
+                for part in function.body
+                for node in ast.walk(part)
+                if isinstance(node, ast.Name)
+            }
+            yield from sorted(names & foreign)
+
+
+@pytest.mark.parametrize('name', MODULES)
+def test_compiled_functions_use_their_own_folder_only_which_the_cache_on_disk_watches(name):
+    assert 'njit' not in MODULES[name].read_text() or name == 'dvs_common.kernel_cache'
+    assert not list(used_from_elsewhere(MODULES[name]))
+
+
+def test_a_compiled_function_that_uses_another_folder_would_be_found():
+    path = ROOT / 'src/dvs_simulation/dvs_simulation/exact/kernel/made_up.py'
+    source = (
+        'from dvs_common.nanoseconds import x\nfrom .heap import y\n@jit\ndef f(): return x + y'
+    )
+
+    class Written(type(path)):
+        def read_text(self, *_arguments, **_options):
+            return source
+
+    assert list(used_from_elsewhere(Written(path))) == ['x']
 
 
 def test_bags_are_written_by_public_interfaces():

@@ -29,7 +29,7 @@ dvs_closed_loop dvs_simulation exact output_folder paper plotting sweep
 dvs_closed_loop dvs_simulation.judging figure trace verdict
 dvs_closed_loop dvs_simulation.sampled sampled_loop
 dvs_closed_loop.commands dvs_simulation.commands reproduce_paper simulate sweep
-dvs_closed_loop.exact dvs_simulation.exact automaton compilation kernel layout loop modes
+dvs_closed_loop.exact dvs_simulation.exact automaton compilation loop modes
 dvs_closed_loop.exact dvs_simulation.exact run_figure signals trajectory
 dvs_closed_loop.paper dvs_simulation.paper animation corrections counterexample experiments figures
 dvs_closed_loop.paper dvs_simulation.paper published report
@@ -59,6 +59,9 @@ dvs_interfaces dvs_common.scenario model parameters reference_bounds scenario sc
 dvs_interfaces dvs_common.wire cdr events keyframe messages stamped topics
 """
 _RENAMED = {
+    'dvs_closed_loop.exact.kernel': 'dvs_simulation.exact.kernel.run',
+    'dvs_closed_loop.exact.layout': 'dvs_simulation.exact.kernel.layout',
+    'dvs_event_camera.pixels.kernel_cache': 'dvs_common.kernel_cache',
     'dvs_event_camera.crossings_numba': 'dvs_event_camera.pixels.pixel_kernels',
     'dvs_closed_loop.bag_recorder_node': 'dvs_closed_loop.bags.bag_recorder',
     'dvs_closed_loop.dashboard_node': 'dvs_closed_loop.dashboard.dashboard_listener',

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dvs_event_camera.pixels.kernel_cache import kernel
+from dvs_common.kernel_cache import kernel
 
 # Characters of the longest number, its sign included.
 LONGEST = 20

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.kernel_cache import kernel
 from dvs_event_camera.pixels.event_flood import MOST_STEPS as _MOST_STEPS
-from dvs_event_camera.pixels.kernel_cache import kernel
 
 _NEVER = np.iinfo(np.int64).max // 4
 # Keeps a border away from its threshold by far more than a logarithm is rounded.

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from dvs_common.kernel_cache import kernel
 from dvs_event_camera.pixels.firing_kernels import fire_cubic, fire_imperfect, fire_linear
-from dvs_event_camera.pixels.kernel_cache import kernel
 
 __all__ = [
     'find_news',

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dvs_event_camera.pixels.kernel_cache import kernel
+from dvs_common.kernel_cache import kernel
 
 # libcaer_cmp: four bits of code, twelve of content.
 _TIME_HIGH, _TIME_LOW, _ADDRESS_X, _ADDRESS_Y, _BASE_Y, _VECTOR_8 = range(6)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
+from dvs_common.kernel_cache import kernel
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def count(pixels: Any, polarities: Any, counts: Any, running: Any) -> tuple[int, int]:
     """Count events one after the other.
 
@@ -40,7 +40,7 @@ def count(pixels: Any, polarities: Any, counts: Any, running: Any) -> tuple[int,
     return low, high
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def uncount(pixels: Any, polarities: Any, counts: Any) -> None:
     """Take back what `count` did to `counts`.
 
@@ -57,7 +57,7 @@ def uncount(pixels: Any, polarities: Any, counts: Any) -> None:
         counts[pixels[e]] -= polarities[e]
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
+@kernel
 def jump(
     pixels: Any,
     signs: Any,

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.reference_bounds import threshold_step
-from dvs_simulation.exact import layout
 from dvs_simulation.exact.compilation import load_kernel, numba_available
+from dvs_simulation.exact.kernel import layout
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.modes import ModalForm, modal_form
 from dvs_simulation.exact.trajectory import Outcome, Status, Tail, Trajectory

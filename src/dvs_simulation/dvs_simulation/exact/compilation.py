@@ -39,11 +39,8 @@ def jit(function: _Function) -> _Function:
     """
     if _interpret:
         return function
-    numba: Any = importlib.import_module('numba')
-    try:
-        compiled: _Function = numba.njit(cache=True)(function)
-    except RuntimeError:  # no writable place for the cache, as in a read-only installation
-        compiled = numba.njit(function)
+    cached: Any = importlib.import_module('dvs_common.kernel_cache')
+    compiled: _Function = cached.kernel(function)
     return compiled
 
 
@@ -54,7 +51,7 @@ def load_kernel(*, compiled: bool) -> ModuleType:
     Parameters
     ----------
     compiled
-        False loads the source a second time without numba: slow, identical results.
+        False loads the folder a second time without numba: slow, identical results.
 
     Raises
     ------
@@ -62,16 +59,16 @@ def load_kernel(*, compiled: bool) -> ModuleType:
         If `compiled` and numba is not installed.
     """
     if compiled:
-        return importlib.import_module(_KERNEL)
+        return importlib.import_module(f'{_KERNEL}.run')
     name = f'{_KERNEL}_interpreted'
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name('kernel.py'))
-    if spec is None or spec.loader is None:
-        raise ModuleNotFoundError(name)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+    folder = Path(__file__).with_name('kernel')
+    spec = importlib.util.spec_from_file_location(
+        name, folder / '__init__.py', submodule_search_locations=[str(folder)]
+    )
+    assert spec is not None
+    sys.modules[name] = importlib.util.module_from_spec(spec)
     with _interpreted():
-        spec.loader.exec_module(module)
-    return module
+        return importlib.import_module(f'{name}.run')
 
 
 @contextmanager

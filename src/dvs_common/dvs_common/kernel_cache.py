@@ -1,9 +1,19 @@
-"""Kernels that are compiled once and kept on disk, whatever state the disk is in."""
+"""Kernels that are compiled once and kept on disk, whatever state the disk is in.
+
+A compiled function holds the code of the functions that it calls and the constants that it reads.
+numba compiles it again where its own file has changed, but not where theirs have. Kernels stand in
+one folder with the functions and constants that they use, and here a change of any file of the
+folder makes all its kernels compile again.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 import sys
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -14,8 +24,17 @@ _Function = TypeVar('_Function', bound=Callable[..., Any])
 _told = False
 
 
-class _ForgivingCache(_FunctionCache):
-    """A cache whose broken, foreign or unwritable files cost a compilation and nothing else."""
+class _FolderCache(_FunctionCache):
+    """A cache that is as new as a folder; broken or foreign files cost a compilation only."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        folder = Path(inspect.getfile(function)).parent
+        self._cache_file = caching.IndexDataCacheFile(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=(self._impl.locator.get_source_stamp(), _digest(folder)),
+        )
 
     def load_overload(self, *arguments: Any) -> Any:
         """Return a compiled overload; None, and a word, if what is there can't be read."""
@@ -33,6 +52,16 @@ class _ForgivingCache(_FunctionCache):
             _tell(f'cannot be written ({type(error).__name__}: {error})')
 
 
+@cache
+def _digest(folder: Path) -> bytes:
+    """SHA-256 of the Python files of a folder."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.glob('*.py')):
+        source = path.read_bytes()
+        digest.update(f'{path.name}\n{len(source)}\n'.encode() + source)
+    return digest.digest()
+
+
 def kernel(function: _Function) -> _Function:
     """Compile a function with numba: no fast-math, no lock held, kept on disk where that works.
 
@@ -45,7 +74,7 @@ def kernel(function: _Function) -> _Function:
     if compiled is function:  # NUMBA_DISABLE_JIT
         return function
     try:
-        compiled._cache = _ForgivingCache(function)
+        compiled._cache = _FolderCache(function)
     except RuntimeError as error:  # no place at all, as in a read-only installation
         _tell(f'has no place ({error})')
     return cast(_Function, compiled)
