@@ -31,13 +31,6 @@ ROOMS = {
 }  # fmt: skip
 CORES = {'dvs_event_camera.event_camera'}
 MOST_LINES = 400
-# Larger modules, and why each is one.
-LARGE = {
-    'dvs_common.wire.messages': 'each message of the contract packed and parsed, side by side',
-    'dvs_hinf_controller.analysis.kernel': 'the kernel of a response and every bound on its tail',
-    'dvs_hinf_controller.running.intervals': 'one rule a method, all on the same arrays',
-    'dvs_event_camera.pixels.pixel_array': 'the stages of one update share the arrays of a frame',
-}
 SAME_LINES = 10
 # Loops that are alike, and why they are not one function.
 ALIKE = {
@@ -133,14 +126,8 @@ def test_no_import_goes_round_in_a_circle():
 
 
 @pytest.mark.parametrize('name', MODULES)
-def test_a_module_over_400_lines_has_a_reason(name):
-    lines = len(MODULES[name].read_text().splitlines())
-
-    assert lines <= MOST_LINES or name in LARGE, f'{name} has {lines} lines'
-
-
-def test_no_reason_is_left_over():
-    assert all(len(MODULES[name].read_text().splitlines()) > MOST_LINES for name in LARGE)
+def test_no_module_has_over_400_lines(name):
+    assert len(MODULES[name].read_text().splitlines()) <= MOST_LINES
 
 
 def code_lines(source):

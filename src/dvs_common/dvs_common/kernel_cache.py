@@ -20,6 +20,7 @@ import numba
 from numba.core import caching
 
 _FunctionCache: Any = caching.FunctionCache
+_IndexFile: Any = caching.IndexDataCacheFile
 _Function = TypeVar('_Function', bound=Callable[..., Any])
 _told = False
 
@@ -30,7 +31,7 @@ class _FolderCache(_FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         folder = Path(inspect.getfile(function)).parent
-        self._cache_file = caching.IndexDataCacheFile(
+        self._cache_file = _IndexFile(
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
             source_stamp=(self._impl.locator.get_source_stamp(), _digest(folder)),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.nanoseconds import as_seconds
+from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.level_stages import Leak
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
@@ -136,3 +137,22 @@ class LevelNoiseLabels:
         leaked = leak.rates[pixel] * as_seconds(since) > 0.5
         noise[order[leaked & (events.polarity[order] > 0)]] = 1
         return events.labelled(noise)
+
+
+def noise_labels_of(
+    imperfections: Imperfections, pixel_count: int, kernels: Any = None
+) -> NoiseLabels | LevelNoiseLabels:
+    """Labels for an array of pixels.
+
+    Parameters
+    ----------
+    imperfections
+        Which noise the pixels have.
+    pixel_count
+        Number of pixels r.
+    kernels
+        Module `pixel_kernels`, or None.
+    """
+    if imperfections.reset == 'level':
+        return LevelNoiseLabels()
+    return NoiseLabels.of(pixel_count, kernels)

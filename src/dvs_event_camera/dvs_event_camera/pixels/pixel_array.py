@@ -19,10 +19,11 @@ from dvs_event_camera.pixels.engine_choice import PixelLaw, engine_of
 from dvs_event_camera.pixels.event_flood import EventFlood
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.level_stages import Leak, LevelStage, level_stages
-from dvs_event_camera.pixels.noise_labels import LevelNoiseLabels, NoiseLabels
+from dvs_event_camera.pixels.noise_labels import noise_labels_of
 from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photoreceptor
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 from dvs_event_camera.pixels.pixel_state import ImperfectState
+from dvs_event_camera.pixels.possible_pixels import require_possible
 from dvs_event_camera.pixels.references import (
     initial_references,
     narrowed,
@@ -31,7 +32,6 @@ from dvs_event_camera.pixels.references import (
 )
 from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
 
-_MOST_THREADS = 64
 # Position of a level, in steps from its reference, at which a pixel is about to fire.
 _INSIDE = 1 - 1e-9
 
@@ -110,7 +110,12 @@ class PixelArray:
         self._initial_reference, self._strict_start = initial_reference, strict_start
         self._seed = seed
         self._backend, self._threads = backend, threads
-        self._check_modes()
+        require_possible(
+            photoreceptor=self._receptor,
+            interpolation=interpolation,
+            imperfections=self._imperfections,
+            threads=threads,
+        )
         self._stamp_ns: int | None = None
         self._bounds: ReferenceBounds
         self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
@@ -353,28 +358,6 @@ class PixelArray:
             return ReferenceBounds.around(sample, self._uncertainty)
         return narrowed(sample, self._uncertainty, self._receptor, self._step)
 
-    def _check_modes(self) -> None:
-        if not 1 <= self._threads <= _MOST_THREADS:
-            raise ParameterError('threads', self._threads, f'must be >= 1 and <= {_MOST_THREADS}')
-        if self._interpolation not in ('linear_log', 'hermite'):
-            raise ParameterError(
-                'interpolation', self._interpolation, 'must be linear_log or hermite'
-            )
-        hermite = self._interpolation == 'hermite'
-        if self._receptor.dead_band is not None and (hermite or self._imperfections.any):
-            raise ParameterError(
-                'photoreceptor',
-                'signed_log',
-                'is no real sensor: it has neither imperfections nor hermite interpolation',
-            )
-        if hermite and self._imperfections.change_comparators:
-            raise ParameterError(
-                'interpolation',
-                self._interpolation,
-                'must be linear_log with event_threshold_off, reset: level, threshold_mismatch, '
-                'refractory_period or shot_noise_rate',
-            )
-
     def _build(self, luminosity: NDArray[np.generic], levels: FloatArray) -> None:
         """Make engine, stages and delay line; every random draw has a stream of its own."""
         wanted = self._imperfections
@@ -403,11 +386,7 @@ class PixelArray:
             threads=self._threads,
         )
         kernels = kernels_for(self._backend, levels.size)
-        self._labels: NoiseLabels | LevelNoiseLabels | None = None
-        if self._label_noise and wanted.reset == 'level':
-            self._labels = LevelNoiseLabels()
-        elif self._label_noise:
-            self._labels = NoiseLabels.of(levels.size, kernels)
+        self._labels = noise_labels_of(wanted, levels.size, kernels) if self._label_noise else None
         self._delay = (
             DelayLine(
                 wanted.latency * NANOSECONDS, wanted.jitter * NANOSECONDS, streams[2], kernels

@@ -11,15 +11,14 @@ import scipy.linalg
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
-from dvs_hinf_controller.analysis.kernel import (
+from dvs_hinf_controller.analysis.flows import Step, trapezoidal_weights
+from dvs_hinf_controller.analysis.plant_rates import plant_rate
+from dvs_hinf_controller.analysis.tail_bounds import (
     Bound,
-    Step,
     modal_bound,
     quadratic_bound,
     stacked_outputs,
-    trapezoidal_weights,
 )
-from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.controller import LinearController
 
 _FLOORS = (1e-6, 1e-3, 1.0)

@@ -9,7 +9,8 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.directions import WeightedVectors, largest_integral
-from dvs_hinf_controller.analysis.kernel import ContinuousFlow, Kernel, sample_kernel
+from dvs_hinf_controller.analysis.flows import ContinuousFlow
+from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel
 from dvs_hinf_controller.state_space import StateSpace, balanced
 
 

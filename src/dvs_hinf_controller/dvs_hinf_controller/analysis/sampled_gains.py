@@ -10,7 +10,8 @@ import scipy.linalg
 
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.directions import WeightedVectors, largest_integral
-from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel, trapezoidal_weights
+from dvs_hinf_controller.analysis.flows import trapezoidal_weights
+from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, SampledFlow
 
 _CELL_GROWTH = 1.25

@@ -9,13 +9,13 @@ measurement cuts it (docs/theory.md).
 from __future__ import annotations
 
 import math
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
-from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.wire.cdr import MessageError
 from dvs_hinf_controller.analysis.sector import best_error, best_estimate
 from dvs_hinf_controller.running.interval_arithmetic import (
@@ -31,14 +31,10 @@ from dvs_hinf_controller.running.interval_arithmetic import (
 from dvs_hinf_controller.running.packet_history import Passed
 from dvs_hinf_controller.running.pixel_turns import PixelTurns, kernels_for
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.running.step_bounds import StepBounds
 
 # An interval this wide, M = 400 m, is no measurement any more.
 _UNKNOWN_WIDTH = 3.0
-
-
-class _Spacings(TypedDict):
-    on_spacing: float
-    off_spacing: float
 
 
 class ReferenceIntervals:
@@ -80,12 +76,12 @@ class ReferenceIntervals:
         self._begin(bounds.lower * leaked, bounds.upper)
 
     def _set_step(self, event_threshold: float) -> None:
-        self.event_threshold = event_threshold
-        self._step = threshold_step(event_threshold, self._log_base)
-        self._on = self._step * (1 + self._uncertainty.threshold_on)
-        self._off = self._step * (1 + self._uncertainty.threshold_off)
-        self._spacings = _Spacings(
-            on_spacing=math.exp(-self._on), off_spacing=math.exp(-self._off)
+        self._bounds = self._bounds_of(event_threshold)
+        self._step, self._spacings = self._bounds.step, self._bounds.spacings
+
+    def _bounds_of(self, event_threshold: float) -> StepBounds:
+        return StepBounds.of(
+            event_threshold, log_base=self._log_base, uncertainty=self._uncertainty
         )
 
     def _begin(self, lower: FloatArray, upper: FloatArray) -> None:
@@ -117,6 +113,11 @@ class ReferenceIntervals:
         return int(np.count_nonzero(self._healthy & ~self.known))
 
     @property
+    def event_threshold(self) -> float:
+        """h."""
+        return self._bounds.event_threshold
+
+    @property
     def log_step(self) -> float:
         """``h ln b``."""
         return self._step
@@ -124,7 +125,7 @@ class ReferenceIntervals:
     @property
     def log_thresholds(self) -> float:
         """``h ln b`` with the uncertainty of the thresholds, the mean of ON and OFF."""
-        return 0.5 * (self._on + self._off)
+        return 0.5 * (self._bounds.on + self._bounds.off)
 
     @property
     def error_bounds(self) -> FloatArray:
@@ -156,11 +157,8 @@ class ReferenceIntervals:
             self._first = np.zeros(lower.size)
             self._first[usable] = best_estimate(lower[usable], upper[usable], **self._spacings)
         self._usable = usable
-        self._estimate_all()
-        self._choose()
-
-    def _estimate_all(self) -> None:
         self.estimate = self.signs * self._first * np.exp(self.counts * self._step)
+        self._choose()
 
     def _choose(self) -> None:
         self.active: Bools = self._usable & self._healthy
@@ -177,11 +175,6 @@ class ReferenceIntervals:
         """
         self._healthy = healthy
         self._choose()
-
-    @property
-    def _slacks(self) -> tuple[float, float]:
-        """By how much an ON and an OFF threshold may miss the step."""
-        return self._on - self._step, self._off - self._step
 
     # -- rules that move and widen ----------------------------------------------------------------
 
@@ -247,7 +240,7 @@ class ReferenceIntervals:
 
     def _widen_for_mismatch(self, pixels: NDArray[np.intp], polarities: NDArray[np.int8]) -> None:
         """Widen for events of thresholds that are not quite h; the estimates follow later."""
-        slack_on, slack_off = self._slacks
+        slack_on, slack_off = self._bounds.slacks
         if not slack_on and not slack_off:
             return
         slack = np.where(polarities > 0, slack_on, slack_off)
@@ -289,13 +282,13 @@ class ReferenceIntervals:
             return
         # Of one threshold too many or too few to be a number.
         most = LARGEST_LOGARITHM / self._step
-        up, down = (math.exp(x * min(count, most)) for x in (self._on, -self._off))
+        up, down = (math.exp(x * min(count, most)) for x in (self._bounds.on, -self._bounds.off))
         if self._counted is None:
             self._counted = self.lower.copy(), self.upper.copy()
         # A missing ON event hides a rise of the reference, a missing OFF event a fall.
         self.lower *= 0.0 if count > most else down
         self.upper *= math.inf if count > most else up
-        mismatch = math.exp(min(count, most) * max(self._slacks))
+        mismatch = math.exp(min(count, most) * max(self._bounds.slacks))
         lower, upper = self._counted
         self._counted = lower / mismatch, upper * mismatch
         self._renew()
@@ -333,7 +326,7 @@ class ReferenceIntervals:
         int or None
             None where it tells nothing that was not known: not a bit changes then.
         """
-        ends = self._worn(told)
+        ends = self._bounds_of(told.event_threshold).worn(told)
         same_step = told.event_threshold == self.event_threshold
         wrong = self._differs(told)
         near = [np.abs(a - b) <= ROUNDING * b for a, b in zip(ends, self._ends, strict=True)]
@@ -358,7 +351,7 @@ class ReferenceIntervals:
         wrong = self._differs(told)
         if self._counted is None and wrong.any():
             return self.restart(told) or 0
-        ends = self._worn(told)
+        ends = self._bounds_of(told.event_threshold).worn(told)
         if self._counted is None:
             narrowed = common_part(self._ends, ends)
             if not all(map(np.array_equal, narrowed, self._ends)):
@@ -378,22 +371,11 @@ class ReferenceIntervals:
     def _differs(self, told: Told) -> Bools:
         return np.asarray((told.counts != self.counts) | (told.signs != self.signs))
 
-    def _worn(self, told: Told) -> tuple[FloatArray, FloatArray]:
-        """Ends that the sensor tells, widened for what it may have done since."""
-        step = threshold_step(told.event_threshold, self._log_base)
-        slack = told.events * step
-        slack *= max(self._uncertainty.threshold_on, self._uncertainty.threshold_off)
-        if slack > LARGEST_LOGARITHM:
-            return np.zeros_like(told.lower), np.full_like(told.upper, np.inf)
-        leaked = self._uncertainty.leak * told.age_s + bool(self._uncertainty.leak)
-        return told.lower * math.exp(-slack - leaked * step), told.upper * math.exp(slack)
-
     def cut(self, luminosity: FloatArray, passed: Passed) -> Cut:
         """Cut the intervals with absolute measurements.
 
-        A silent pixel has ``y rho_on < q < y / rho_off``; what has happened since the measurement
-        moves and widens this interval like any other. Where it has no point in common with what
-        was known, that was wrong, and the measured one takes its place.
+        Where a measured interval has no point in common with what was known, that was wrong, and
+        the measured one takes its place.
 
         Parameters
         ----------
@@ -402,17 +384,10 @@ class ReferenceIntervals:
         passed
             What has happened since.
         """
-        error, slack_on, slack_off = self._uncertainty.anchor, *self._slacks
         measured = (luminosity > 0) & np.isfinite(luminosity)
-        level = np.log(np.where(measured, luminosity, 1.0))
-        level -= (self.counts - passed.on + passed.off) * self._step
-        slack = passed.on * slack_on + passed.off * slack_off
-        leaked = self._uncertainty.leak * self._step * passed.age_s
-        below = self._on * (1 + passed.unsure_on) + self._off * passed.lost + slack + leaked
-        above = self._off * (1 + passed.unsure_off) + self._on * passed.lost + slack
-        with np.errstate(over='ignore'):
-            lower = np.exp(level - below) * ((1 - ROUNDING) / (1 + error))
-            upper = np.exp(level + above) * ((1 + ROUNDING) / (1 - error))
+        lower, upper = self._bounds.around(
+            np.where(measured, luminosity, 1.0), counts=self.counts, passed=passed
+        )
         contradicted = measured & ((lower > self.upper) | (upper < self.lower))
         confirmed = measured & ~contradicted
         np.maximum(self.lower, lower, out=self.lower, where=confirmed)

@@ -11,7 +11,7 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
-from dvs_hinf_controller.analysis.kernel import trapezoidal_weights
+from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.peak_gain import peak_gains
 from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.analysis.promise import Promise, largest_uncertainty
