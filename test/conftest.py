@@ -11,6 +11,7 @@ def processes() -> Iterator[list]:
     started: list = []
     yield started
     for process in started:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+        process.kill()
+        process.wait()
+        if process.stdout:
+            process.stdout.close()

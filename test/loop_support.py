@@ -8,6 +8,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 
 import rclpy
@@ -24,6 +25,8 @@ from dvs_common.wire import topics
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / 'config'
+# Without an end, and slow enough to leave the processors to others while a test waits.
+UNHURRIED = {'duration': 0.0, 'real_time_factor': 0.5}
 PACKAGE = {
     'plant_sim': 'dvs_plant_sim',
     'pendulum_sim': 'dvs_plant_sim',
@@ -71,8 +74,29 @@ def start(executable: str, domain: int, arguments: list[str] | None = None) -> s
 
 def stop(process: subprocess.Popen, number: int = signal.SIGINT) -> tuple[int, str]:
     """Send a signal; return exit code and output; fail if the process does not react."""
+    _signal(process, number)
+    return _ended(process, number)
+
+
+def stop_all(processes: list[subprocess.Popen]) -> list[str]:
+    """Send Ctrl-C to all at once; return what each has written when it has ended in order."""
+    for process in processes:
+        _signal(process, signal.SIGINT)
+    outputs = []
+    for process in processes:
+        code, output = _ended(process, signal.SIGINT)
+        assert code == 0, output
+        assert 'Traceback' not in output, output
+        outputs.append(output)
+    return outputs
+
+
+def _signal(process: subprocess.Popen, number: int) -> None:
     if process.poll() is None:
         process.send_signal(number)
+
+
+def _ended(process: subprocess.Popen, number: int) -> tuple[int, str]:
     try:
         output, _ = process.communicate(timeout=20)
     except subprocess.TimeoutExpired:
@@ -104,8 +128,8 @@ def run_closed_loop(
     )
 
 
-class Listener:
-    """Keeps the serialized messages of `events` and `command`."""
+class Visitor:
+    """A node in a domain of the test's choice."""
 
     def __init__(self, domain: int) -> None:
         self._context = rclpy.Context()
@@ -113,10 +137,15 @@ class Listener:
         self.node = rclpy.create_node('listener', context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self.streams: dict[str, list[bytes]] = {topics.EVENTS: [], topics.COMMAND: []}
+
+    @cached_property
+    def streams(self) -> dict[str, list[bytes]]:
+        """Serialized messages of `events` and `command`, from the first use of this on."""
+        streams: dict[str, list[bytes]] = {topics.EVENTS: [], topics.COMMAND: []}
         for topic, kind in ((topics.EVENTS, PointCloud2), (topics.COMMAND, JointState)):
             qos = topics.handshake_qos('lockstep', topics.LISTENER_DEPTH)
-            self.node.create_subscription(kind, topic, self.streams[topic].append, qos, raw=True)
+            self.node.create_subscription(kind, topic, streams[topic].append, qos, raw=True)
+        return streams
 
     def spin_until(self, condition: Callable[[], bool], timeout_s: float = 40.0) -> bool:
         deadline = time.monotonic() + timeout_s
@@ -133,6 +162,14 @@ class Listener:
         rclpy.shutdown(context=self._context)
 
 
+class Listener(Visitor):
+    """Keeps the serialized messages of `events` and `command` from its beginning on."""
+
+    def __init__(self, domain: int) -> None:
+        super().__init__(domain)
+        assert self.streams
+
+
 @contextmanager
 def listening(domain: int) -> Iterator[Listener]:
     listener = Listener(domain)
@@ -142,7 +179,7 @@ def listening(domain: int) -> Iterator[Listener]:
         listener.close()
 
 
-class Operator(Listener):
+class Operator(Visitor):
     """Does what `ros2 lifecycle`, `ros2 param` and `ros2 topic echo` do."""
 
     def call(self, kind: type, service: str, request: object) -> object:

@@ -4,7 +4,17 @@ import subprocess
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from loop_support import CONFIG, environment, operating, program, ros_arguments, start, stop
+from loop_support import (
+    CONFIG,
+    UNHURRIED,
+    environment,
+    operating,
+    program,
+    ros_arguments,
+    start,
+    stop,
+    stop_all,
+)
 from mutations import Mutations
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty
@@ -46,7 +56,7 @@ def send_mutated(operator, publishers, count):
 
 def test_a_loop_goes_on_through_mutated_messages_on_all_its_topics(domain, processes):
     for executable in NODES:
-        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+        processes.append(start(executable, domain, ros_arguments(UNHURRIED)))
     with operating(domain) as operator:
         states = operator.hear(JointState, 'state', 1000)
         estimates = operator.hear(JointState, 'estimate', 1000)
@@ -68,10 +78,7 @@ def test_a_loop_goes_on_through_mutated_messages_on_all_its_topics(domain, proce
             assert int(figure(health, node, 'messages refused')) > MESSAGES // 10, node
         for message in (*states, *estimates):
             assert np.isfinite(message.position).all()
-    for process in processes:
-        code, output = stop(process)
-        assert code == 0, output
-        assert 'Traceback' not in output, output
+    for output in stop_all(processes):
         assert max(map(len, output.splitlines())) < 1000
 
 

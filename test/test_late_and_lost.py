@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from loop_support import CONFIG, operating, ros_arguments, start, stop
+from loop_support import CONFIG, UNHURRIED, operating, ros_arguments, start, stop, stop_all
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty
 from test_health import latest, reaches
@@ -169,7 +169,7 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
 ):
     started = {}
     for executable in ('plant_sim', 'hinf_controller', 'event_camera'):
-        started[executable] = start(executable, domain, ros_arguments({'duration': 0.0}))
+        started[executable] = start(executable, domain, ros_arguments(UNHURRIED))
         processes.append(started[executable])
     with operating(domain) as operator:
         messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
@@ -191,14 +191,11 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
         operator.forget(messages)
         assert operator.spin_until(lambda: is_exact(messages))
         assert sector_ratio(operator, luminosities, estimates) <= 1 + 1e-9
-    for process in started.values():
-        code, output = stop(process)
-        assert code == 0, output
-        assert 'Traceback' not in output
+    stop_all(list(started.values()))
 
 
 def test_a_controller_with_a_wrong_initial_state_believes_the_sensor(domain, processes):
-    loop = ros_arguments({'duration': 0.0})
+    loop = ros_arguments(UNHURRIED)
     for executable in ('plant_sim', 'event_camera'):
         processes.append(start(executable, domain, loop))
     wrong = [*loop, '-p', 'initial_state:=[0.9, 0.2]']
@@ -213,7 +210,7 @@ def test_a_controller_with_a_wrong_initial_state_believes_the_sensor(domain, pro
 
 def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, processes):
     for executable in ('plant_sim', 'event_camera', 'hinf_controller'):
-        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+        processes.append(start(executable, domain, ros_arguments(UNHURRIED)))
     plant = processes[0]
     with operating(domain) as operator:
         messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
@@ -245,10 +242,7 @@ def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, p
         assert operator.spin_until(lambda: keyframes)
         assert np.array_equal(estimates[-1].position, estimate_of(keyframes[-1], 0.08))
         plant.send_signal(signal.SIGCONT)
-    for process in processes:
-        code, output = stop(process)
-        assert code == 0, output
-        assert 'Traceback' not in output
+    *_, output = stop_all(processes)
     assert 'resynchronised by a keyframe: 3 pixels put right' in output
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loop_support import operating, ros_arguments, start, stop
+from loop_support import operating, ros_arguments, start, stop, stop_all
 from sensor_msgs.msg import Image
 
 from dvs_common.scenario.scenario import Scenario
@@ -161,6 +161,4 @@ def test_the_loop_stops_and_goes_on_with_its_controller(domain, processes):
         for executable in ('hinf_controller', 'event_camera', 'plant_sim'):
             assert operator.transition(executable, 'activate')
         assert operator.spin_until(lambda: len(commands) > stopped + 200)
-    for process in processes:
-        code, output = stop(process)
-        assert code == 0, output
+    stop_all(processes)

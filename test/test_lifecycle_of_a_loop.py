@@ -2,7 +2,7 @@
 
 import random
 
-from loop_support import operating, ros_arguments, start, stop
+from loop_support import operating, ros_arguments, start, stop_all
 from sensor_msgs.msg import JointState
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
@@ -33,7 +33,4 @@ def test_a_lockstep_loop_goes_on_after_the_transitions_of_any_node(domain, proce
                 for label in labels:
                     assert operator.transition(node, label)
                 assert goes_on(), (node, labels)
-    for process in processes:
-        code, output = stop(process)
-        assert code == 0, output
-        assert 'Traceback' not in output, output
+    stop_all(processes)

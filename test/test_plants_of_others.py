@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loop_support import operating, ros_arguments, start, stop
+from loop_support import operating, ros_arguments, start, stop_all
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
@@ -34,9 +34,7 @@ def test_a_late_subscriber_in_lockstep_gets_the_message_that_waits(qos, domain, 
         late_commands = plant.hear(JointState, 'command', qos)
         late_events = plant.hear(PointCloud2, 'events', qos)
         assert plant.spin_until(lambda: bool(late_commands and late_events))
-    for process in processes:
-        code, output = stop(process)
-        assert code == 0, output
+    stop_all(processes)
 
     assert {m.header.stamp.sec for m in late_commands} == {0}
     assert len(set(commands)) == 1
@@ -54,7 +52,6 @@ def test_no_subscriber_gets_a_message_twice(domain, processes):
         luminosity.publish(first_sample())
         assert plant.spin_until(lambda: bool(commands))
         plant.spin_until(lambda: False, timeout_s=1.0)
-    for process in processes:
-        stop(process)
+    stop_all(processes)
 
     assert len(commands) == 1

@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from loop_support import CONFIG, operating, ros_arguments, start, stop
+from loop_support import CONFIG, operating, ros_arguments, start, stop_all
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from test_kill_rounds import ROUNDING, Rounds
 
@@ -75,10 +75,7 @@ def relayed(seed, samples, domain, processes):
         ratio = rounds.ratio_while_exact()
         assert ratio <= 1 + ROUNDING, (ratio, rounds.health)
         disturbed = relay.disturbed
-    for process in processes:
-        code, output = stop(process)
-        assert code == 0, output
-        assert 'Traceback' not in output, output
+    stop_all(processes)
     return disturbed
 
 

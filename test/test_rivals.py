@@ -2,7 +2,7 @@
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from loop_support import operating, ros_arguments, start, stop
+from loop_support import UNHURRIED, operating, ros_arguments, start, stop
 from test_health import latest
 
 LISTENER = {'event_camera': 'hinf_controller', 'hinf_controller': 'plant_sim'}
@@ -15,7 +15,7 @@ def test_two_nodes_of_a_kind_are_an_error_with_both_names(executable, domain, pr
     listener = start(LISTENER[executable], domain)
     processes.append(listener)
     for name in ('first', 'second'):
-        arguments = ros_arguments({'duration': 0.0})
+        arguments = ros_arguments(UNHURRIED)
         processes.append(start(executable, domain, [*arguments, '-r', f'__node:={name}']))
     rivals = f'{TOPIC[executable]} has 2 publishers: /first, /second'
     with operating(domain) as operator:

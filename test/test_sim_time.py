@@ -1,7 +1,7 @@
 """Nodes with use_sim_time: their clocks follow /clock, and nothing in the loop waits for it."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from loop_support import operating, ros_arguments, start, stop
+from loop_support import operating, ros_arguments, start, stop, stop_all
 from test_health import reaches
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
@@ -31,10 +31,7 @@ def test_clocks_of_nodes_are_simulated_and_the_loop_runs_to_its_end(domain, proc
     code, output = stop(plant)
     assert code == 0, output
     assert f'run of {DURATION_S:g} s finished' in output
-    for process in others:
-        code, output = stop(process)
-        assert code == 0, output
-        assert 'Traceback' not in output
+    stop_all(others)
     for node in NODES:
         times_s = stamps_s(heard, node)
         # Before its first tick a simulated clock says 0; the wall clock is half a century on.
