@@ -1,6 +1,7 @@
 """The rooms of the house: who may import whom, how large a module is, and nothing said twice."""
 
 import ast
+import re
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -212,6 +213,11 @@ def test_a_compiled_function_that_uses_another_folder_would_be_found():
             return source
 
     assert list(used_from_elsewhere(Written(path))) == ['x']
+
+
+def test_html_is_written_by_templates_only():
+    for name, path in MODULES.items():
+        assert not re.search(r'</?(html|body|table|div|p|h\d|svg)\b', path.read_text()), name
 
 
 def test_bags_are_written_by_public_interfaces():

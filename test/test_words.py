@@ -31,6 +31,7 @@ TEXTS = [
     *sorted(ROOT.glob('config/*.yaml')),
     *sorted(ROOT.glob('scripts/*.sh')),
     *sorted(ROOT.glob('src/*/dvs_*/**/web/*')),
+    *sorted(ROOT.glob('src/*/dvs_*/**/*.j2')),
 ]
 MODULES = [
     path

@@ -10,7 +10,9 @@ setup(
     name=package_name,
     version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed', '*.pyi', 'dashboard/web/*', 'reports/*.j2']},
+    package_data={
+        package_name: ['py.typed', '*.pyi', 'dashboard/*.j2', 'dashboard/web/*', 'reports/*.j2']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

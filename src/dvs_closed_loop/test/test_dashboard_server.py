@@ -1,6 +1,7 @@
 """The page's server answers its own names only, and sends frames to every page."""
 
 import json
+import re
 import socket
 import urllib.error
 import urllib.request
@@ -38,6 +39,16 @@ def test_a_file_is_served_with_a_strict_policy(path, server):
         assert response.read()
         assert "default-src 'none'" in response.headers['Content-Security-Policy']
         assert response.headers['X-Content-Type-Options'] == 'nosniff'
+
+
+def test_the_page_has_every_element_that_its_script_asks_for(server):
+    html, script = (fetch(server, path).read().decode() for path in ('/', '/dashboard.js'))
+    present = re.findall(r'\bid="([\w-]+)"', html)
+
+    assert len(set(present)) == len(present)
+    assert set(re.findall(r"byId\('([\w-]+)'\)", script)) <= set(present)
+    assert '{{' not in html
+    assert '{%' not in html
 
 
 def test_frames_reach_every_page_and_late_ones_get_the_past(server):

@@ -1,4 +1,4 @@
-"""Serves the live page: three files and one stream of frames (server-sent events).
+"""Serves the live page: a template, three files and one stream of frames (server-sent events).
 
 A page from another site must not read the loop through the visitor's browser (DNS rebinding,
 foreign origins), so only requests to the names under which the page is meant to be reached are
@@ -19,9 +19,9 @@ from typing import Any
 from aiohttp import web
 
 from dvs_common.errors import ParameterError
+from dvs_simulation.html_page import page
 
 _FILES = {
-    '/': ('index.html', 'text/html'),
     '/dashboard.css': ('dashboard.css', 'text/css'),
     '/dashboard.js': ('dashboard.js', 'text/javascript'),
     '/icon.svg': ('icon.svg', 'image/svg+xml'),
@@ -34,6 +34,8 @@ _HEADERS = {
     'Referrer-Policy': 'no-referrer',
     'X-Content-Type-Options': 'nosniff',
 }
+# Times that the panels show, s, and the one that a page begins with.
+_WINDOWS, _WINDOW = (1, 2, 5, 10, 30), 5
 # Frames that a page gets at once when it opens, and that may wait for a slow one.
 _HISTORY = 400
 _WAITING = 100
@@ -109,8 +111,12 @@ class DashboardServer:
 
     async def _start(self, port: int) -> int:
         application = web.Application(middlewares=[_guard(self._host)])
+        page_text = page(
+            'dvs_closed_loop.dashboard', 'page.html.j2', windows=_WINDOWS, window=_WINDOW
+        )
+        application.router.add_get('/', _handler_of(page_text.encode(), 'text/html'))
         for path, (name, content_type) in _FILES.items():
-            application.router.add_get(path, _file_handler(name, content_type))
+            application.router.add_get(path, _handler_of(_web_file(name), content_type))
         application.router.add_get('/stream', self._stream)
         runner = web.AppRunner(
             application, access_log=None, handle_signals=False, shutdown_timeout=_CLOSE_TIMEOUT_S
@@ -200,9 +206,11 @@ def _guard(listening: str) -> Any:
     return guard
 
 
-def _file_handler(name: str, content_type: str) -> Handler:
-    body = files('dvs_closed_loop').joinpath('dashboard', 'web', name).read_bytes()
+def _web_file(name: str) -> bytes:
+    return files('dvs_closed_loop').joinpath('dashboard', 'web', name).read_bytes()
 
+
+def _handler_of(body: bytes, content_type: str) -> Handler:
     async def handle(request: web.Request) -> web.Response:
         return web.Response(
             body=body, headers=_HEADERS, content_type=content_type, charset='utf-8'
