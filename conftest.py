@@ -22,7 +22,7 @@ _TURNS = itertools.count(os.getpid() * 13)
 
 # These take longest, and so they begin first: what comes last is short, and no worker waits.
 _LONGEST = (
-    'test_every_command_of_a_page_works',
+    'test_every_command_of_a_section_works',
     'test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut',
     'test_all_six_start_orders_give_the_same_bytes',
     'test_two_runs_and_a_composed_run_give_the_same_bytes',
@@ -35,6 +35,7 @@ _LONGEST = (
 _OF_PROCESSES = {'domain', 'new_domain', 'processes'}
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
     """Put the longest first; a test of processes goes to any worker, others with their file."""
     for item in items:

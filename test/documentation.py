@@ -24,11 +24,13 @@ PROGRAM = re.compile(
     r'|(?:\./)?scripts/[\w.]+(?: |$)'
 )
 REMARK = re.compile(r'\s+# .*$')
+HEADING = re.compile(r'^##+ (.*)$', re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Block:
     line: int
+    section: str
     language: str
     body: str
     file: str = ''
@@ -67,9 +69,12 @@ class Block:
 
 def blocks_of(page: Path) -> list[Block]:
     text = page.read_text(encoding='utf-8')
+    prose = BLOCK.sub(lambda found: ' ' * len(found[0]), text)
+    headings = [(found.start(), found[1]) for found in HEADING.finditer(prose)]
     return [
         Block(
             line=text.count('\n', 0, found.start()) + 1,
+            section=next((h for start, h in reversed(headings) if start < found.start()), ''),
             language=found['language'],
             body=found['body'],
             file=found['text'] if found['note'] == 'file' else '',

@@ -1,4 +1,4 @@
-"""Every command in README.md and docs/ is run, page by page, as a reader would."""
+"""Every command in README.md and docs/ is run, section by section, as a reader would."""
 
 import json
 import os
@@ -19,11 +19,6 @@ PAGES = [
         *sorted((ROOT / 'docs').glob('*.md')),
     )
     if page.exists()
-]
-WITH_COMMANDS = [
-    page
-    for page in PAGES
-    if any(b.language == 'bash' and b.commands and not b.not_run for b in blocks_of(page))
 ]
 TIMEOUT_S = 240
 
@@ -61,19 +56,32 @@ def run_block(block, folder, domain):
     return process.returncode, output
 
 
-def run_page(page, folder, domain):
+def is_run(block):
+    return bool(block.language == 'bash' and block.commands and not block.not_run)
+
+
+def run_section(page, section, folder, domain):
+    """Run the commands of a section, with the files that it and those before it have written."""
     outputs = []
     for block in blocks_of(page):
         if block.file:
             file = folder / block.file
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(block.body, encoding='utf-8')
-        elif block.language == 'bash' and block.commands and not block.not_run:
+        elif is_run(block) and block.section == section:
             code, output = run_block(block, folder, domain)
             assert code == 0, f'{name_of(page)}:{block.line}\n{block.commands}\n{output}'
             assert 'Traceback' not in output, output
             outputs.append(output)
     return '\n'.join(outputs)
+
+
+WITH_COMMANDS = [page for page in PAGES if any(map(is_run, blocks_of(page)))]
+SECTIONS = [
+    (page, section)
+    for page in WITH_COMMANDS
+    for section in dict.fromkeys(b.section for b in blocks_of(page) if is_run(b))
+]
 
 
 def check_motor(folder, output):
@@ -82,41 +90,65 @@ def check_motor(folder, output):
     assert len(set(angles)) > 2
 
 
+def result_of(folder, name):
+    result = json.loads((folder / 'out' / name / 'result.json').read_text())
+    assert result['regulated']
+    assert result['h'] <= result['h_star']
+    assert result['events'] > 10
+    return result
+
+
+def check_certified(folder, output):
+    result = result_of(folder, 'certified-exact')
+    assert result['h'] <= result['h_certified']
+
+
 def check_reactors(folder, output):
-    results = {
-        name: json.loads((folder / 'out' / name / 'result.json').read_text())
-        for name in ('reactor', 'calm_reactor', 'hot_reactor', 'certified-exact')
-    }
-    for name, result in results.items():
-        assert result['regulated'], name
-        assert result['h'] <= result['h_star']
-        assert result['events'] > 10
-    assert results['certified-exact']['h'] <= results['certified-exact']['h_certified']
-    assert results['calm_reactor']['events'] < 30 < 1000 < results['reactor']['events']
+    events = {name: result_of(folder, name)['events'] for name in ('reactor', 'calm_reactor')}
+    assert events['calm_reactor'] < 30 < 1000 < events['reactor']
     assert (folder / 'out/calm_reactor/report.html').is_file()
 
 
-CHECKS = {'docs/hardware.md': check_motor, 'docs/tutorial.md': check_reactors}
+def check_cart_pole(folder, output):
+    assert 'cart_pole: regulated' in output
+    assert (folder / 'out/cart_pole/figure.png').is_file()
+    assert (folder / 'out/cart_pole/bag').is_dir()
 
 
-# Its motor runs on the wall clock, and swings where another test holds the machine.
-ON_THE_WALL_CLOCK = {'docs/hardware.md'}
+def check_hot_reactor(folder, output):
+    result_of(folder, 'hot_reactor')
 
 
-def pages_to_run():
-    return [
-        pytest.param(page, marks=pytest.mark.wall_clock)
-        if name_of(page) in ON_THE_WALL_CLOCK
-        else page
-        for page in WITH_COMMANDS
-    ]
+CHECKS = {
+    'docs/bring_your_own_simulator.md: 5. Run it': check_cart_pole,
+    'docs/hardware.md: Replace the plant': check_motor,
+    'docs/tutorial.md: 3. Ask the question (5 minutes)': check_certified,
+    'docs/tutorial.md: 4. Your own linear plant (5 minutes)': check_reactors,
+    'docs/tutorial.md: 5. Your own non-linear plant (10 minutes)': check_hot_reactor,
+}
+# Their motor runs on the wall clock, and swings where another test holds the machine.
+ON_THE_WALL_CLOCK = {
+    'docs/hardware.md: Replace the plant',
+    'docs/hardware.md: In both modes, with `PlantNode`',
+}
 
 
-@pytest.mark.parametrize('page', pages_to_run(), ids=name_of)
-def test_every_command_of_a_page_works(page, domain, tmp_path):
+def title_of(page, section):
+    return f'{name_of(page)}: {section}'
+
+
+def sections_to_run():
+    for page, section in SECTIONS:
+        title = title_of(page, section)
+        marks = [pytest.mark.wall_clock] * (title in ON_THE_WALL_CLOCK)
+        yield pytest.param(page, section, id=title, marks=marks)
+
+
+@pytest.mark.parametrize(('page', 'section'), list(sections_to_run()))
+def test_every_command_of_a_section_works(page, section, domain, tmp_path):
     folder = sandbox(tmp_path / 'checkout')
-    output = run_page(page, folder, domain)
-    CHECKS.get(name_of(page), lambda *_: None)(folder, output)
+    output = run_section(page, section, folder, domain)
+    CHECKS.get(title_of(page, section), lambda *_: None)(folder, output)
 
 
 def test_what_is_not_run_says_why():
@@ -125,22 +157,23 @@ def test_what_is_not_run_says_why():
             assert not block.not_run or len(block.not_run.split()) > 2, (page, block.line)
 
 
-def test_pages_with_special_checks_exist():
-    assert set(CHECKS) <= {name_of(page) for page in WITH_COMMANDS}
+def test_sections_that_are_named_here_exist():
+    assert {*CHECKS, *ON_THE_WALL_CLOCK} <= {title_of(*section) for section in SECTIONS}
 
 
 def test_the_reader_of_pages_sees_blocks_files_and_reasons(tmp_path):
     page = Path(tmp_path / 'page.md')
     page.write_text(
-        'Text.\n\n```bash\nscripts/demo.sh\necho one\n```\n\n<!-- not run: a good reason -->\n'
-        '```bash\nfalse\n```\n<!-- file: a/b.py -->\n```python\nx = 1\n```\n'
+        'Text.\n\n## One\n\n```bash\nscripts/demo.sh\necho one\n```\n\n'
+        '<!-- not run: a good reason -->\n```bash\nfalse\n```\n'
+        '<!-- file: a/b.py -->\n```python\n## two\nx = 1\n```\n'
         '```console\n$ no\n```\n'
     )
     one, reason, file, console = blocks_of(page)
-    assert (one.commands, one.line) == ('echo one', 3)
+    assert (one.commands, one.line, one.section) == ('echo one', 5, 'One')
     assert reason.not_run == 'a good reason'
-    assert (file.file, file.body) == ('a/b.py', 'x = 1\n')
-    assert console.language == 'console'
+    assert (file.file, file.body) == ('a/b.py', '## two\nx = 1\n')
+    assert (console.language, console.section) == ('console', 'One')
 
 
 def python_blocks(page):

@@ -1,11 +1,13 @@
-"""examples/mujoco_cart_pole: another simulator in the loop, from model to verdict."""
+"""examples/mujoco_cart_pole: another simulator in the loop, from model to verdict.
+
+Its node takes the place of the plant in test_documented_commands.
+"""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-from loop_support import ROOT, run_closed_loop
+from loop_support import ROOT
 from scipy.linalg import logm
 
 from dvs_common.scenario.scenario import load_scenario
@@ -79,11 +81,3 @@ def test_ten_random_starts_end_regulated(tmp_path):
         assert own.sensor.event_threshold < figures.h_certified
         assert verdict.regulated, f'{start}: {verdict}'
         assert verdict.sector_held
-
-
-def test_the_node_takes_the_place_of_the_plant(domain, tmp_path):
-    result = run_closed_loop(SCENARIO, domain, tmp_path, '--duration', '5')
-
-    assert 'cart_pole: regulated' in result.stdout, result.stdout + result.stderr
-    assert (tmp_path / 'cart_pole' / 'figure.png').is_file()
-    assert (Path(tmp_path) / 'cart_pole' / 'bag').is_dir()

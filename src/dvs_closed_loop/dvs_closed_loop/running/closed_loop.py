@@ -23,7 +23,6 @@ from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
 from dvs_hinf_controller.design.design import design_from_scenario
-from dvs_simulation.judging.figure import save_figure
 from dvs_simulation.judging.trace import IncompleteTraceError, Trace, decode_trace
 from dvs_simulation.judging.verdict import Promised, Verdict, judge
 from dvs_simulation.output_folder import output_folder
@@ -136,6 +135,9 @@ def run_scenario(
         bounds=bounds,
     )
     verdict.save(output / 'result.json')
+    # Matplotlib takes longer to load than a loop to start.
+    from dvs_simulation.judging.figure import save_figure
+
     save_figure(trace, scenario, verdict, output / 'figure.png')
     return LoopRun(trace=trace, verdict=verdict)
 
