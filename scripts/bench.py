@@ -11,7 +11,7 @@ import traceback
 from importlib.metadata import version
 from pathlib import Path
 
-BENCHMARKS = ('loop', 'camera', 'codecs', 'exact', 'design')
+BENCHMARKS = ('loop', 'cycle', 'camera', 'codecs', 'exact', 'design')
 
 
 def main() -> int:

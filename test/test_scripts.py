@@ -1,6 +1,7 @@
 """Every script runs, each in its small form; those that need a browser are left to their user."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -72,3 +73,25 @@ sys.exit(bench.main())
     assert result.returncode == 1
     assert 'failed: camera' in result.stderr
     assert json.loads((tmp_path / 'bench.json').read_text()) == {'a': 1.0, 'b': 2.0}
+
+
+# Each shortcut of a cycle: the one place that it stands in, and the figure that is measured.
+SHORTCUTS = {
+    'cycle_cdr_gain': 'dvs_common/dvs_common/wire/cdr.py',
+    'cycle_generated_variants': 'dvs_common/dvs_common/wire/cdr.py',
+    'cycle_memo_gain': 'dvs_common/dvs_common/wire/stamped.py',
+    'cycle_look_ahead_gain': 'dvs_hinf_controller/dvs_hinf_controller/running/look_ahead.py',
+    'cycle_silent_band_gain': 'dvs_event_camera/dvs_event_camera/pixels/silent_band.py',
+}
+
+
+@pytest.mark.parametrize('key', SHORTCUTS)
+def test_a_shortcut_says_what_it_is_worth_as_the_page_of_benchmarks_does(key):
+    table = (ROOT / 'docs' / 'benchmarks.md').read_text()
+    measured = re.search(rf'^\| `{key}` .*\| ([\d.]+) \|$', table, re.MULTILINE)
+    source = ' '.join((ROOT / 'src' / SHORTCUTS[key]).read_text().split())
+    sentence = source.partition(f'`{key}`')[0].rpartition('(')[0][-120:]
+
+    assert measured
+    assert measured[1] in re.findall(r'\d+(?:\.\d+)?', sentence)
+    assert f"'{key}'" in (SCRIPTS / 'bench_cycle.py').read_text()

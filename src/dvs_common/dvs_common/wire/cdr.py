@@ -1,8 +1,8 @@
 """Reading and writing of CDR, the bytes that ROS 2 messages are on the wire (OMG DDSI-RTPS, 9.3).
 
-The loop's messages are packed and parsed here, without Python message objects: that makes the hot
-path several times as fast as the generated classes and lets a core decode a recorded bag without
-rclpy.
+The loop's messages are packed and parsed here, without Python message objects: all messages of a
+run take 1/7.9 of the time that the generated classes take (`cycle_cdr_gain` of
+``scripts/bench.sh cycle``), and a core decodes a recorded bag without rclpy.
 """
 
 from __future__ import annotations
@@ -76,7 +76,12 @@ def stamp_ns_of(seconds: int, nanoseconds: int) -> int:
 
 
 class CdrWriter:
-    """Grows one little-endian CDR message, field by field."""
+    """Grows one little-endian CDR message, field by field; what pads a field is zero.
+
+    So equal messages are equal bytes, and two runs can be compared by their hashes. The generated
+    classes leave in the padding what the memory held before: 15 forms of one command among 400
+    (`cycle_generated_variants` of ``scripts/bench.sh cycle``).
+    """
 
     __slots__ = ('_buffer',)
 

@@ -57,7 +57,11 @@ def stamp_of(message: bytes) -> int:
 
 
 class Memo(Generic[_Meaning]):
-    """What the runs of bytes after the stamp of some streams mean."""
+    """What the runs of bytes after the stamp of some streams mean.
+
+    A message of a known stream is parsed in 1/5.7 of the time of a first one (`cycle_memo_gain` of
+    ``scripts/bench.sh cycle``).
+    """
 
     __slots__ = ('_known',)
 

@@ -22,6 +22,9 @@ _MARGIN = 1e-9
 class SilentBand:
     """Between its borders no pixel is near a threshold.
 
+    A silent frame of nine pixels takes 1/4.9 of the time that the comparators take
+    (`cycle_silent_band_gain` of ``scripts/bench.sh cycle``).
+
     Parameters
     ----------
     reference_levels

@@ -18,6 +18,7 @@ from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.held_input import HeldInputResponse
+from dvs_hinf_controller.running.look_ahead import LookAhead, Silence
 from dvs_hinf_controller.running.reference_state import Synchrony, Taken
 from dvs_hinf_controller.running.reference_watch import ReferenceWatch
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
@@ -53,17 +54,6 @@ class PacketReport:
 _NOTHING_NOTICED = PacketReport()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Ahead:
-    """What a step of silence leads to, worked out before it is known to be one."""
-
-    duration_ns: int
-    before: FloatArray
-    deviation: float
-    state: FloatArray
-    command: FloatArray
-
-
 class EventController:
     """Estimator (paper, eqs. 12, 13) and K, fed by packets.
 
@@ -84,7 +74,7 @@ class EventController:
     uncertainty
         How far the sensor may be from an ideal one; None for an ideal one.
     pixel_mask
-        Pixels that are not to be listened to.
+        Pixels that are not to be used.
     holds_unknown
         Whether the last command is held while no reference is known, and not the equilibrium
         input.
@@ -122,7 +112,7 @@ class EventController:
         self._target = problem.set_point_luminosity
         self._mean_target = float(self._target.mean())
         self._feedforward = problem.equilibrium.feedforward
-        self._ahead: _Ahead | None = None
+        self._ahead = LookAhead()
 
     def _begin(self) -> None:
         self._duration_ns = 0
@@ -220,10 +210,8 @@ class EventController:
         """
         if self._is_blind:
             return self._resting
-        ahead = self._ahead
-        if ahead is not None and ahead.state is self._state and ahead.deviation == self._deviation:
-            return ahead.command
-        return self._command_of(self._state)
+        ahead = self._ahead.command_at(self._state, deviation=self._deviation)
+        return self._command_of(self._state) if ahead is None else ahead
 
     def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
@@ -236,12 +224,14 @@ class EventController:
     def look_ahead(self) -> None:
         """Work out, while there is time, the answer to a next packet that is as long and empty."""
         state = self._held(self._duration_ns)
-        self._ahead = _Ahead(
-            duration_ns=self._duration_ns,
-            before=self._state,
-            deviation=self._deviation,
-            state=state,
-            command=self._command_of(state),
+        self._ahead.keep(
+            Silence(
+                duration_ns=self._duration_ns,
+                before=self._state,
+                deviation=self._deviation,
+                state=state,
+                command=self._command_of(state),
+            )
         )
 
     def take(self, packet: EventPacket) -> PacketReport:
@@ -298,16 +288,10 @@ class EventController:
 
     def _keep_still(self) -> None:
         """Pass an interval without events."""
-        ahead = self._ahead
-        if (
-            ahead is not None
-            and ahead.before is self._state
-            and ahead.deviation == self._deviation
-            and ahead.duration_ns == self._duration_ns
-        ):
-            self._state = ahead.state
-        else:
-            self._state = self._held(self._duration_ns)
+        ahead = self._ahead.state_after(
+            self._duration_ns, before=self._state, deviation=self._deviation
+        )
+        self._state = self._held(self._duration_ns) if ahead is None else ahead
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
         """Take what the sensor tells of itself; see `ReferenceWatch.take_keyframe`.
