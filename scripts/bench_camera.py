@@ -67,7 +67,10 @@ def drifting_pattern(height: int, width: int, count: int, drift: float) -> Frame
     for k in range(count):
         first = np.sin(phase * (x + 0.3 * y - drift * k))
         second = np.sin(phase * (y - 0.4 * x + drift * k))
-        frames.append(np.exp(first + 0.6 * second))
+        frame = np.exp(first + 0.6 * second)
+        # As those of messages are: a read-only frame is kept, not copied.
+        frame.setflags(write=False)
+        frames.append(frame)
     return frames
 
 

@@ -124,6 +124,8 @@ def test_every_mode_is_the_same_compiled_and_with_threads(mode, period_ns):
     for k in range(12):
         y = np.exp(level)
         y[rng.random(size) < 0.05] = rng.choice([np.nan, np.inf, -1.0, 0.0])
+        # Some frames are kept as they are, the others are copied.
+        y.setflags(write=k % 3 > 0)
         reference, *others = (array.update(k * period_ns, y) for array in arrays)
         for events in others:
             assert_same(reference, events)
@@ -150,6 +152,56 @@ def test_number_types_of_frames_change_nothing_but_the_speed(mode, dtype):
         frame = light.astype('f8' if k == 5 else dtype)
         assert_same(*(array.update(k * 1_000_000, frame) for array in arrays))
     assert np.array_equal(arrays[0].counts, arrays[1].counts)
+
+
+def test_a_frame_that_its_owner_overwrites_was_copied():
+    rng = np.random.default_rng(6)
+    arrays = [PixelArray(event_threshold=0.1, backend=b) for b in ('numpy', 'numba')]
+    buffer = np.empty(500)
+    for k in range(5):
+        buffer[:] = rng.uniform(1.0, 9.0, 500)
+        window = buffer.view()
+        window.setflags(write=False)
+        assert_same(*(array.update(k * 1000, window) for array in arrays))
+
+
+def test_only_what_is_read_only_down_to_its_owner_is_frozen():
+    from dvs_event_camera.pixels.compiled_pixels import is_frozen
+
+    octets = bytes(16)
+    own = np.ones(2)
+    assert is_frozen(np.frombuffer(octets))
+    assert is_frozen(np.frombuffer(memoryview(octets)).reshape(1, 2))
+    assert not is_frozen(np.frombuffer(bytearray(octets)))
+    assert not is_frozen(np.broadcast_to(own, (3, 2)))
+    own.setflags(write=False)
+    assert is_frozen(own[:1])
+
+
+@given(
+    st.floats(-25.0, 25.0), st.sampled_from([1e-5, 0.15, 2.0, 14.0, 40.0]), st.floats(-1.2, 1.2)
+)
+@settings(max_examples=200, deadline=None)
+def test_what_a_band_takes_for_silent_lies_between_the_thresholds(reference, width, share):
+    from dvs_event_camera.pixels import pixel_kernels
+    from dvs_event_camera.pixels.bands import bands_for
+
+    log = LogPhotoreceptor()
+    bands = bands_for(1, np.dtype('f8'), width, log, pixel_kernels, levels=False)
+    edges = np.array([[reference - width], [reference + width]])
+    light = np.exp(np.array([reference + share * width]))
+    light.setflags(write=False)
+    mask, found = np.zeros(pixel_kernels.TILE + 8, np.uint8), np.zeros(1, np.int32)
+
+    def news():
+        return bands.find(light, slice(0, 1), light[:0].copy(), mask, found, 0)
+
+    assert news() == 1
+    bands.settle(found, edges)
+    if abs(share) >= 1:
+        assert news() == 1
+    elif abs(share) < 0.8 and width > 1e-4:
+        assert news() == 0
 
 
 def test_a_new_threshold_is_the_same_compiled():

@@ -1,8 +1,9 @@
 """Compiled pixels: one pass finds the pixels with news, and only these are worked on.
 
-Most pixels of most frames are silent. Each has a band of silent values, and a pass over the frame
-compares luminosities with it in the frame's own number type, without a logarithm. The logarithms
-of the pixels outside their bands are NumPy's, so that the events are those of `NumpyPixels`.
+Most pixels of most frames are silent. Each has a band of silent values (`bands`), and a pass over
+the frame compares luminosities with it, without a logarithm. The logarithms of the pixels outside
+their bands are NumPy's, so that the events are those of `NumpyPixels`. An immutable frame is kept
+as it is for the next interval, any other is copied.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
+from dvs_event_camera.pixels.bands import bands_for
 from dvs_event_camera.pixels.crossings import CountArray
 from dvs_event_camera.pixels.engine import TILE
 from dvs_event_camera.pixels.event_flood import require_bounded
@@ -26,6 +28,8 @@ from dvs_event_camera.pixels.level_stages import LevelStage
 from dvs_event_camera.pixels.photoreceptor import InvertiblePhotoreceptor, Photoreceptor
 from dvs_event_camera.pixels.pixel_events import KEY_BITS, PixelEvents
 
+# Pixels worked on at a time, so that what is computed of them stays in the processor's cache.
+_BLOCK = 2**17
 # Events up to which counting digits takes longer than comparing.
 _FEW = 256
 _UNSIGNED = ('u1', 'u2')
@@ -41,12 +45,12 @@ class _Strip:
     found: NDArray[np.int32]
     keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(1024, np.int64))
     used: int = 0
-    invalid: int = 0
+    held: list[NDArray[np.int32]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, first: int, last: int) -> _Strip:
-        padded = (last - first + 15) // 8 * 8
-        return cls(slice(first, last), np.zeros(padded, np.uint8), np.zeros(padded, np.int32))
+    def of(cls, first: int, last: int, tile: int) -> _Strip:
+        found = np.zeros(min(last - first, _BLOCK), np.int32)
+        return cls(slice(first, last), np.zeros(tile + 8, np.uint8), found)
 
 
 class CompiledPixels:
@@ -86,15 +90,12 @@ class CompiledPixels:
         self.signs = np.broadcast_to(np.int8(1), origin.size)
         self._receptor, self._origin, self._firing = photoreceptor, origin, firing
         self._stages, self._kernels = stages, kernels
-        # The signal that is compared and remembered: the luminosity where that is enough.
-        self._inverse = (
-            photoreceptor
-            if isinstance(photoreceptor, InvertiblePhotoreceptor) and not stages and levels is None
-            else None
-        )
+        # The signal that is compared and remembered is the luminosity where that is enough.
+        invertible = isinstance(photoreceptor, InvertiblePhotoreceptor)
+        self._compares_levels = not invertible or bool(stages) or levels is not None
         if levels is not None:
             signal = levels
-        elif self._inverse is None:
+        elif self._compares_levels:
             signal = self._light_levels(luminosity.astype(np.float64))
         else:
             signal = luminosity.astype(_signal_type(luminosity.dtype))
@@ -103,8 +104,9 @@ class CompiledPixels:
         cuts = np.linspace(0, origin.size, max(1, min(threads, origin.size)) + 1).astype(int)
         # Cache lines of the state belong to one thread.
         cuts[1:-1] = cuts[1:-1] // 64 * 64
-        self._strips = [_Strip.of(int(a), int(b)) for a, b in pairwise(cuts)]
+        self._strips = [_Strip.of(int(a), int(b), kernels.TILE) for a, b in pairwise(cuts)]
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._invalid = 0
         self._forget_bands()
 
     @property
@@ -115,7 +117,7 @@ class CompiledPixels:
     @property
     def invalid(self) -> int:
         """Pixel samples without meaning so far."""
-        return sum(strip.invalid for strip in self._strips)
+        return self._invalid
 
     def distances(self) -> FloatArray:
         """How far levels lie above references; see `engine.PixelEngine.distances`."""
@@ -126,44 +128,86 @@ class CompiledPixels:
     def start_pixels(self, pixels: NDArray[np.int64], luminosity: NDArray[np.generic]) -> None:
         """Start pixels; see `engine.PixelEngine.start_pixels`."""
         signal: NDArray[Any] = luminosity
-        if self._inverse is None:
+        if self._compares_levels:
             signal = self._light_levels(luminosity.astype(np.float64))
-        for samples in self._signals:
-            samples[pixels] = signal
+        for age in range(len(self._signals)):
+            self._own(age)[pixels] = signal
         self._firing.start_pixels(pixels)
-        self._low[pixels], self._high[pixels] = 1, 0
+        self._bands.forget(pixels)
 
     def expose(
         self, luminosity: NDArray[np.generic], start_ns: int, duration_ns: int, elapsed_ns: int
     ) -> PixelEvents:
         """Events of an interval; see `engine.PixelEngine.expose`."""
-        luminosity = luminosity.astype(_signal_type(luminosity.dtype), copy=False)
-        self._adopt(luminosity.dtype)
+        luminosity = self._adopted(luminosity)
         shift = self._pixel_bits + 2
         if duration_ns.bit_length() + shift > KEY_BITS:
             shift = 0
         interval = Interval(
             start_ns=start_ns, duration_ns=duration_ns, elapsed_ns=elapsed_ns, shift=shift
         )
-        noisy = self._firing.begin(interval, luminosity)
-        self._low[noisy], self._high[noisy] = 1, 0
-        self._signals = [self._signals[-1], *self._signals[:-1]]
-        luminosity = np.ascontiguousarray(luminosity)
+        self._bands.forget(self._firing.begin(interval, luminosity))
+        store = self._remember(luminosity)
         if self._pool is None:
-            self._work(self._strips[0], luminosity, interval)
-            return self._collected(interval)
-        jobs = [
-            self._pool.submit(self._work, strip, luminosity, interval) for strip in self._strips
-        ]
-        for job in jobs:
-            job.result()
+            self._work(self._strips[0], luminosity, store, interval)
+        else:
+            jobs = [
+                self._pool.submit(self._work, strip, luminosity, store, interval)
+                for strip in self._strips
+            ]
+            for job in jobs:
+                job.result()
+        self._hold()
         return self._collected(interval)
 
-    def _work(self, strip: _Strip, luminosity: NDArray[np.generic], interval: Interval) -> None:
-        number = self._find(strip, luminosity, interval)
-        strip.used = 0
-        if number:
-            self._fire(strip, strip.found[:number], interval)
+    def _adopted(self, luminosity: NDArray[np.generic]) -> NDArray[Any]:
+        """Sample in the number type of those before, which becomes float64 where it must."""
+        light = luminosity.astype(_signal_type(luminosity.dtype), copy=False)
+        known = self._signals[0].dtype
+        if not self._compares_levels and light.dtype != known:
+            if not np.can_cast(light.dtype, known):
+                self._signals = [samples.astype(np.float64) for samples in self._signals]
+                self._forget_bands()
+            light = light.astype(self._signals[0].dtype)
+        return np.ascontiguousarray(light)
+
+    def _remember(self, luminosity: NDArray[Any]) -> NDArray[Any]:
+        """Make place for the sample; return where to copy it, of no entry if it is kept itself."""
+        oldest = self._signals.pop()
+        kept = not self._compares_levels and is_frozen(luminosity)
+        if kept:
+            self._signals.insert(0, luminosity)
+            return oldest[:0].copy()
+        store = oldest if oldest.flags.writeable else np.empty_like(oldest)
+        self._signals.insert(0, store)
+        return store
+
+    def _own(self, age: int) -> NDArray[Any]:
+        """Signal of a sample, to be changed."""
+        if not self._signals[age].flags.writeable:
+            self._signals[age] = self._signals[age].copy()
+        return self._signals[age]
+
+    def _hold(self) -> None:
+        """Let pixels without a meaningful sample hold the last one."""
+        for strip in self._strips:
+            for held in strip.held:
+                self._own(0)[held] = self._signals[1][held]
+                self._invalid += held.size
+
+    def _work(
+        self,
+        strip: _Strip,
+        luminosity: NDArray[Any],
+        store: NDArray[Any],
+        interval: Interval,
+    ) -> None:
+        strip.used, strip.held = 0, []
+        for first in range(strip.pixels.start, strip.pixels.stop, _BLOCK):
+            block = slice(first, min(first + _BLOCK, strip.pixels.stop))
+            number = self._find(strip, block, luminosity, store, interval)
+            if number:
+                self._fire(strip, strip.found[:number], interval)
         if interval.shift:
             self._sort(strip.keys[: strip.used], interval)
 
@@ -175,31 +219,29 @@ class CompiledPixels:
         last_bit = interval.shift + interval.duration_ns.bit_length()
         self._kernels.radix_sort(keys, np.empty_like(keys), interval.shift, last_bit)
 
-    def _find(self, strip: _Strip, luminosity: NDArray[np.generic], interval: Interval) -> int:
+    def _find(
+        self,
+        strip: _Strip,
+        pixels: slice,
+        luminosity: NDArray[Any],
+        store: NDArray[Any],
+        interval: Interval,
+    ) -> int:
         """Write down the new signal; number of pixels outside their bands."""
-        first, last = strip.pixels.start, strip.pixels.stop
+        mask, found = strip.mask, strip.found
+        if not self._compares_levels:
+            store = store[pixels] if store.size else store
+            light = luminosity[pixels].view()
+            light.flags.writeable = False
+            return self._bands.find(light, pixels, store, mask, found, 0)
         number = 0
-        # Levels are computed tile by tile; a luminosity is compared as it is.
-        length = TILE if self._inverse is None else max(last - first, 1)
-        for begin in range(first, last, length):
-            tile = slice(begin, min(begin + length, last))
-            signal: NDArray[Any] = luminosity[tile]
-            if self._inverse is None:
-                signal = self._light_levels(np.asarray(signal, np.float64))
-                for stage in self._stages:
-                    stage.apply(signal, begin, interval.elapsed_ns, interval.duration_ns)
-            strip.mask[signal.size : signal.size + 8] = 0
-            number = self._kernels.find_news(
-                signal,
-                self._low[tile],
-                self._high[tile],
-                self._signals[0][tile],
-                strip.mask,
-                begin,
-                strip.found,
-                number,
-            )
-        return int(number)
+        for begin in range(pixels.start, pixels.stop, TILE):
+            tile = slice(begin, min(begin + TILE, pixels.stop))
+            levels = self._light_levels(np.asarray(luminosity[tile], np.float64))
+            for stage in self._stages:
+                stage.apply(levels, begin, interval.elapsed_ns, interval.duration_ns)
+            number = self._bands.find(levels, tile, store[tile], mask, found, number)
+        return number
 
     def _fire(self, strip: _Strip, found: NDArray[np.int32], interval: Interval) -> None:
         levels = []
@@ -207,9 +249,10 @@ class CompiledPixels:
             values = np.empty(found.size)
             self._kernels.gather(samples, found, values)
             levels.append(self._levels_of(values))
-        strip.invalid += self._kernels.hold_invalid(
-            found, levels[0], levels[1], self._signals[0], self._signals[1], self._origin
-        )
+        held = np.empty_like(found)
+        invalid = self._kernels.hold_invalid(found, levels[0], levels[1], self._origin, held)
+        if invalid:
+            strip.held.append(held[:invalid])
         edges = np.empty((2, found.size))
         place = 0
         while place < found.size:
@@ -219,19 +262,7 @@ class CompiledPixels:
             if place < found.size:
                 require_bounded(needed)
                 strip.keys = _grown(strip.keys, needed, interval.shift)
-        self._store_borders(found, edges)
-
-    def _store_borders(self, found: NDArray[np.int32], edges: FloatArray) -> None:
-        kernels = self._kernels
-        if self._inverse is None:
-            kernels.store_level_borders(found, *edges, self._low, self._high)
-            return
-        borders = self._inverse.luminosity(edges)
-        if self._low.dtype.kind == 'f':
-            kernels.store_float_borders(found, *borders, self._low, self._high)
-        else:
-            largest = float(2 ** (8 * self._low.itemsize) - 1)
-            kernels.store_integer_borders(found, *borders, self._low, self._high, largest)
+        self._bands.settle(found, edges)
 
     def _collected(self, interval: Interval) -> PixelEvents:
         """Events of all strips in order."""
@@ -282,22 +313,38 @@ class CompiledPixels:
         return self._receptor.levels(luminosity, out=np.empty_like(luminosity))
 
     def _levels_of(self, signal: FloatArray) -> FloatArray:
-        return signal if self._inverse is None else self._receptor.levels(signal, out=signal)
-
-    def _adopt(self, dtype: np.dtype[Any]) -> None:
-        """Remember samples in a type that holds the new ones too."""
-        if self._inverse is None or np.can_cast(dtype, self._signals[0].dtype):
-            return
-        self._signals = [samples.astype(np.float64) for samples in self._signals]
-        self._forget_bands()
+        if self._compares_levels:
+            return signal
+        return self._receptor.levels(signal, out=signal)
 
     def _forget_bands(self) -> None:
         """No pixel is silent until it has been worked on once."""
-        dtype: np.dtype[Any] = self._signals[0].dtype
-        if self._inverse is not None and dtype.kind == 'f':
-            dtype = np.dtype(np.float32)
-        size = self._origin.size
-        self._low, self._high = np.ones(size, dtype), np.zeros(size, dtype)
+        self._bands = bands_for(
+            self._origin.size,
+            self._signals[0].dtype,
+            self._firing.half_width,
+            self._receptor,
+            self._kernels,
+            levels=self._compares_levels,
+        )
+
+
+def is_frozen(values: NDArray[Any]) -> bool:
+    """Whether an array is immutable: it and all that it is a view of are read-only.
+
+    Parameters
+    ----------
+    values
+        Array.
+    """
+    owner: Any = values
+    while isinstance(owner, np.ndarray):
+        if owner.flags.writeable:
+            return False
+        owner = owner.base
+    if isinstance(owner, memoryview):
+        owner = owner.obj
+    return owner is None or isinstance(owner, bytes)
 
 
 def _signal_type(dtype: np.dtype[Any]) -> np.dtype[Any]:

@@ -14,7 +14,7 @@ from dvs_event_camera.pixels.comparators import Comparator, NumpyComparator
 from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.compiled_pixels import CompiledPixels
 from dvs_event_camera.pixels.engine import NumpyPixels, PixelEngine
-from dvs_event_camera.pixels.firing import CubicFiring, Firing, ImperfectFiring, LinearFiring
+from dvs_event_camera.pixels.firing import Firing, IdealFiring, ImperfectFiring
 from dvs_event_camera.pixels.hermite import HermiteComparator
 from dvs_event_camera.pixels.imperfect_comparator import ImperfectComparator
 from dvs_event_camera.pixels.level_stages import LevelStage
@@ -114,4 +114,4 @@ def _comparator(law: PixelLaw, levels: FloatArray, origin: FloatArray) -> Compar
 def _firing(law: PixelLaw, origin: FloatArray, kernels: Any) -> Firing:
     if law.state is not None:
         return ImperfectFiring(kernels, law.state)
-    return (CubicFiring if law.cubic else LinearFiring)(kernels, origin, law.step)
+    return IdealFiring(kernels, origin, law.step, cubic=law.cubic)

@@ -48,6 +48,10 @@ class Firing(Protocol):
     def counts(self) -> CountArray:
         """N, the sum of polarities so far, shape (r,)."""
 
+    @property
+    def half_width(self) -> float | None:
+        """Distance of both thresholds of every pixel from its reference; None where it varies."""
+
     def distances(self, levels: FloatArray) -> FloatArray:
         """How far levels lie above the references, shape (r,).
 
@@ -87,7 +91,7 @@ class Firing(Protocol):
         used: int,
         edges: FloatArray,
     ) -> tuple[int, int, int]:
-        """Events of some pixels, as `pixel_kernels.fire_linear` gives them.
+        """Events of some pixels, as `pixel_kernels.fire_ideal` gives them.
 
         Parameters
         ----------
@@ -108,8 +112,8 @@ class Firing(Protocol):
         """
 
 
-class LinearFiring:
-    """Ideal pixels, level linear in time.
+class IdealFiring:
+    """Ideal pixels, level linear in time or a monotone cubic through the last four samples.
 
     Parameters
     ----------
@@ -119,19 +123,27 @@ class LinearFiring:
         Levels of the first references, shape (r,).
     step
         Threshold as a change of the level, ``h ln b``.
+    cubic
+        Whether the level is a cubic.
     """
 
-    samples = 2
     labels = False
 
-    def __init__(self, kernels: Any, origin: FloatArray, step: float) -> None:
+    def __init__(self, kernels: Any, origin: FloatArray, step: float, *, cubic: bool) -> None:
         self._kernels, self._origin, self._step = kernels, origin, step
+        self._cubic, self.samples = cubic, 4 if cubic else 2
         self._counts: CountArray = np.zeros(origin.size, np.int32)
+        self._durations: list[int] = []
 
     @property
     def counts(self) -> CountArray:
         """N, the sum of polarities so far, shape (r,)."""
         return self._counts
+
+    @property
+    def half_width(self) -> float | None:
+        """The threshold; see `Firing.half_width`."""
+        return self._step
 
     def distances(self, levels: FloatArray) -> FloatArray:
         """How far levels lie above the references; see `Firing.distances`."""
@@ -139,57 +151,6 @@ class LinearFiring:
 
     def start_pixels(self, pixels: NDArray[np.int64]) -> None:
         """Nothing to do; see `Firing.start_pixels`."""
-
-    def begin(self, interval: Interval, luminosity: NDArray[np.generic]) -> NDArray[np.int64]:
-        """No pixel has news of its own; see `Firing.begin`."""
-        return _NOBODY
-
-    def fire(
-        self,
-        place: int,
-        found: NDArray[np.int32],
-        levels: list[FloatArray],
-        interval: Interval,
-        keys: NDArray[np.int64],
-        used: int,
-        edges: FloatArray,
-    ) -> tuple[int, int, int]:
-        """Events of some pixels; see `Firing.fire`."""
-        done: tuple[int, int, int] = self._kernels.fire_linear(
-            place,
-            found,
-            levels[0],
-            levels[1],
-            self._origin,
-            self._counts,
-            self._step,
-            interval.duration_ns,
-            interval.shift,
-            keys,
-            used,
-            edges,
-        )
-        return done
-
-
-class CubicFiring(LinearFiring):
-    """Ideal pixels, level a monotone cubic through the last four samples.
-
-    Parameters
-    ----------
-    kernels
-        Module `pixel_kernels`.
-    origin
-        Levels of the first references, shape (r,).
-    step
-        Threshold as a change of the level, ``h ln b``.
-    """
-
-    samples = 4
-
-    def __init__(self, kernels: Any, origin: FloatArray, step: float) -> None:
-        super().__init__(kernels, origin, step)
-        self._durations: list[int] = []
 
     def begin(self, interval: Interval, luminosity: NDArray[np.generic]) -> NDArray[np.int64]:
         """Take the length of the interval; see `Firing.begin`."""
@@ -209,14 +170,13 @@ class CubicFiring(LinearFiring):
         """Events of some pixels; see `Firing.fire`."""
         earlier = [duration / self._durations[0] for duration in self._durations[1:]]
         a1, a2 = (*earlier, 0.0, 0.0)[:2]
-        done: tuple[int, int, int] = self._kernels.fire_cubic(
-            place,
+        done: tuple[int, int, int] = self._kernels.fire_ideal(
             found,
-            *levels,
+            *(levels if self._cubic else 2 * levels),
             a1,
             a2,
             tolerance_of(interval.duration_ns),
-            ITERATIONS,
+            ITERATIONS if self._cubic else 0,
             self._origin,
             self._counts,
             self._step,
@@ -250,6 +210,11 @@ class ImperfectFiring:
     def counts(self) -> CountArray:
         """N, the sum of polarities so far, shape (r,)."""
         return self._state.counts
+
+    @property
+    def half_width(self) -> float | None:
+        """The threshold, if all are the same; see `Firing.half_width`."""
+        return self._state.half_width
 
     def distances(self, levels: FloatArray) -> FloatArray:
         """How far levels lie above the references; see `Firing.distances`."""

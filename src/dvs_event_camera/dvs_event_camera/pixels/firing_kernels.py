@@ -35,90 +35,67 @@ def _inside(edge: float, sign: float) -> float:
 
 
 @kernel
-def _fetched(place: int, found: Any, origin: Any, counts: Any) -> tuple[Any, Any]:
+def _fetched(found: Any, origin: Any, counts: Any) -> tuple[Any, Any]:
     """Origins and counts of the pixels, in a loop of its own whose cache misses overlap."""
-    first, sums = np.empty(found.size), np.empty(found.size, np.int32)
-    for k in range(place, found.size):
-        first[k] = origin[found[k]]
-        sums[k] = counts[found[k]]
-    return first, sums
+    base, count = np.empty(found.size), np.empty(found.size)
+    for k in range(found.size):
+        base[k] = origin[found[k]]
+        count[k] = counts[found[k]]
+    return base, count
 
 
 @kernel
-def fire_linear(
-    place: int,
-    found: Any,
-    now: Any,
-    before: Any,
-    origin: Any,
-    counts: Any,
-    step: float,
-    duration_ns: int,
-    shift: int,
-    keys: Any,
-    used: int,
-    edges: Any,
-) -> tuple[int, int, int]:
-    """Events of ideal pixels whose level is linear in time; `counts` moves with them.
+def _courses(now: Any, before: Any, base: Any, count: Any, step: float, edges: Any) -> Any:
+    """Level at the start and rise, in steps, and the count after the interval, shape (3, k).
 
-    Parameters
-    ----------
-    place
-        First of the pixels to deal with.
-    found
-        Pixels, int32, shape (k,).
-    now, before
-        Levels at the end and at the start of the interval, float64, shape (k,).
-    origin
-        Level of the first reference of all pixels, float64.
-    counts
-        N of all pixels, int32; updated in place.
-    step
-        Threshold as a change of the level, ``h ln b``.
-    duration_ns
-        Length of the interval, ns.
-    shift
-        Where the time begins in a key, 0 for two words an event.
-    keys
-        int64 buffer that holds `used` events already.
-    used
-        Number of events in the buffer.
-    edges
-        Out: levels between which each pixel is silent from now on, float64, shape (2, k).
-
-    Returns
-    -------
-    place, used, needed
-        Pixels dealt with, all of them unless the buffer is full; events in the buffer; events that
-        it must be able to hold to go on.
+    Without a branch, so that the compiler makes vector instructions of it. `edges` as in
+    `fire_ideal`.
     """
-    duration = float(duration_ns)
-    room = _room(keys, shift)
-    first, sums = _fetched(place, found, origin, counts)
-    for k in range(place, found.size):
-        i, base, count = found[k], first[k], sums[k]
-        end = (now[k] - base) / step
-        if end >= count + 1.0 or end <= count - 1.0:
-            rest = np.floor(end) if end > count else np.ceil(end)
-            if abs(rest) > _MOST_STEPS:
-                return k, used, int(min(abs(rest), 1e18))
-            polarity = 1 if end > count else -1
-            rungs = int(abs(rest - count))
-            if used + rungs > room:
-                return k, used, used + rungs
-            start = (before[k] - base) / step
-            pace = duration / (end - start)
-            low = (np.int64(i) << 2) | (polarity + 1)
-            for rung in range(1, rungs + 1):
-                threshold = count + polarity * (rung * 1.0)
-                elapsed = min(max(np.ceil((threshold - start) * pace), 1.0), duration)
-                _put(keys, used, np.int64(elapsed), low, shift)
-                used += 1
-            count = np.int32(rest)
-            counts[i] = count
-        edges[0, k] = _inside(base + (count - 1.0) * step, -1.0)
-        edges[1, k] = _inside(base + (count + 1.0) * step, 1.0)
-    return found.size, used, used
+    courses = np.empty((3, now.size))
+    start, rise, rest = courses[0], courses[1], courses[2]
+    lower, upper = edges[0], edges[1]
+    for k in range(now.size):
+        end = (now[k] - base[k]) / step
+        start[k] = (before[k] - base[k]) / step
+        rise[k] = end - start[k]
+        fallen = np.ceil(end) if end <= count[k] - 1.0 else count[k]
+        rest[k] = np.floor(end) if end >= count[k] + 1.0 else fallen
+        lower[k] = _inside(base[k] + (rest[k] - 1.0) * step, -1.0)
+        upper[k] = _inside(base[k] + (rest[k] + 1.0) * step, 1.0)
+    return courses
+
+
+@kernel
+def _slopes(
+    start: Any, rise: Any, older: Any, oldest: Any, base: Any, step: float, a1: float, a2: float
+) -> Any:
+    """Slopes of the cubic at both ends over the mean one, as in `hermite`, shape (2, k)."""
+    slopes = np.empty((2, start.size))
+    for k in range(start.size):
+        second, third = 0.0, 0.0
+        if a1 > 0:
+            second_last = (older[k] - base[k]) / step
+            older_rise = (start[k] - second_last) / a1
+            second = (rise[k] - older_rise) / (1.0 + a1)
+            if a2 > 0:
+                oldest_rise = (second_last - (oldest[k] - base[k]) / step) / a2
+                older_second = (older_rise - oldest_rise) / (a1 + a2)
+                third = (second - older_second) / (1.0 + a1 + a2)
+        least, most = min(0.0, 3.0 * rise[k]), max(0.0, 3.0 * rise[k])
+        slopes[0, k] = min(max(rise[k] - second - third * a1, least), most) / rise[k]
+        slopes[1, k] = min(max(rise[k] + second + third * (1.0 + a1), least), most) / rise[k]
+    return slopes
+
+
+@kernel
+def _needed(rest: Any, count: Any, used: int) -> int:
+    """Events that the buffer must be able to hold; of a flood, its steps."""
+    needed = used
+    for k in range(rest.size):
+        if abs(rest[k]) > _MOST_STEPS:
+            return int(min(abs(rest[k]), 1e18))
+        needed += int(abs(rest[k] - count[k]))
+    return needed
 
 
 @kernel
@@ -144,8 +121,7 @@ def _cubic_root(b0: float, b1: float, goal: float, tolerance: float, iterations:
 
 
 @kernel
-def fire_cubic(
-    place: int,
+def fire_ideal(
     found: Any,
     now: Any,
     before: Any,
@@ -164,65 +140,73 @@ def fire_cubic(
     used: int,
     edges: Any,
 ) -> tuple[int, int, int]:
-    """Events of ideal pixels whose level is a monotone cubic; see `fire_linear` for the rest.
+    """Events of ideal pixels; `counts` moves with them.
 
     Parameters
     ----------
-    place, found, now, before
-        See `fire_linear`.
+    found
+        Pixels, int32, shape (k,).
+    now, before
+        Levels at the end and at the start of the interval, float64, shape (k,).
     older, oldest
-        Levels one and two samples before the start of the interval, float64, shape (k,).
+        Levels one and two samples before the start, float64, shape (k,).
     a1, a2
         Lengths of the two intervals before, in units of this one; 0 where there was none.
     tolerance, iterations
-        When the search for a crossing ends.
-    origin, counts, step, duration_ns, shift, keys, used, edges
-        See `fire_linear`.
+        When the search for a crossing of the cubic ends; no iterations: the level is linear in
+        time.
+    origin
+        Level of the first reference of all pixels, float64.
+    counts
+        N of all pixels, int32; updated in place.
+    step
+        Threshold as a change of the level, ``h ln b``.
+    duration_ns
+        Length of the interval, ns.
+    shift
+        Where the time begins in a key, 0 for two words an event.
+    keys
+        int64 buffer that holds `used` events already.
+    used
+        Number of events in the buffer.
+    edges
+        Out: levels between which each pixel is silent from now on, float64, shape (2, k).
 
     Returns
     -------
     place, used, needed
-        See `fire_linear`.
+        Pixels dealt with: none if the buffer is too small, else all; events in the buffer; events
+        that it must be able to hold.
     """
     duration = float(duration_ns)
-    room = _room(keys, shift)
-    first, sums = _fetched(place, found, origin, counts)
-    for k in range(place, found.size):
-        i, base, count = found[k], first[k], sums[k]
-        end = (now[k] - base) / step
-        if end >= count + 1.0 or end <= count - 1.0:
-            rest = np.floor(end) if end > count else np.ceil(end)
-            if abs(rest) > _MOST_STEPS:
-                return k, used, int(min(abs(rest), 1e18))
-            polarity = 1 if end > count else -1
-            rungs = int(abs(rest - count))
-            if used + rungs > room:
-                return k, used, used + rungs
-            start = (before[k] - base) / step
-            rise = end - start
-            second, third = 0.0, 0.0
-            if a1 > 0:
-                second_last = (older[k] - base) / step
-                older_rise = (start - second_last) / a1
-                second = (rise - older_rise) / (1.0 + a1)
-                if a2 > 0:
-                    oldest_rise = (second_last - (oldest[k] - base) / step) / a2
-                    older_second = (older_rise - oldest_rise) / (a1 + a2)
-                    third = (second - older_second) / (1.0 + a1 + a2)
-            least, most = min(0.0, 3.0 * rise), max(0.0, 3.0 * rise)
-            b0 = min(max(rise - second - third * a1, least), most) / rise
-            b1 = min(max(rise + second + third * (1.0 + a1), least), most) / rise
-            low = (np.int64(i) << 2) | (polarity + 1)
-            for rung in range(1, rungs + 1):
-                threshold = count + polarity * (rung * 1.0)
-                fraction = _cubic_root(b0, b1, (threshold - start) / rise, tolerance, iterations)
-                elapsed = min(max(np.ceil(fraction * duration), 1.0), duration)
-                _put(keys, used, np.int64(elapsed), low, shift)
-                used += 1
-            count = np.int32(rest)
-            counts[i] = count
-        edges[0, k] = _inside(base + (count - 1.0) * step, -1.0)
-        edges[1, k] = _inside(base + (count + 1.0) * step, 1.0)
+    base, count = _fetched(found, origin, counts)
+    courses = _courses(now, before, base, count, step, edges)
+    start, rise, rest = courses[0], courses[1], courses[2]
+    needed = _needed(rest, count, used)
+    if needed > _room(keys, shift):
+        return 0, used, needed
+    cubic = iterations > 0
+    slopes = courses
+    if cubic:
+        slopes = _slopes(start, rise, older, oldest, base, step, a1, a2)
+    pace = duration / rise
+    for k in range(found.size):
+        if rest[k] == count[k]:
+            continue
+        up = rest[k] > count[k]
+        polarity = 1.0 if up else -1.0
+        low = (np.int64(found[k]) << 2) | (2 if up else 0)
+        counts[found[k]] = rest[k]
+        for rung in range(1, int(abs(rest[k] - count[k])) + 1):
+            distance = count[k] + polarity * rung - start[k]
+            if cubic:
+                goal = distance / rise[k]
+                fraction = _cubic_root(slopes[0, k], slopes[1, k], goal, tolerance, iterations)
+                elapsed = np.ceil(fraction * duration)
+            else:
+                elapsed = np.ceil(distance * pace[k])
+            _put(keys, used, np.int64(min(max(elapsed, 1.0), duration)), low, shift)
+            used += 1
     return found.size, used, used
 
 
@@ -255,8 +239,10 @@ def fire_imperfect(
 
     Parameters
     ----------
-    place, found, now, before, origin
-        See `fire_linear`.
+    place
+        First of the pixels to deal with.
+    found, now, before, origin
+        See `fire_ideal`.
     present
         Present references of all pixels, float64, where they are not on a ladder.
     ladder
@@ -274,12 +260,13 @@ def fire_imperfect(
     start_ns
         Start of the interval, ns.
     duration_ns, shift, keys, used, edges
-        See `fire_linear`.
+        See `fire_ideal`.
 
     Returns
     -------
     place, used, needed
-        See `fire_linear`.
+        Pixels dealt with, all of them unless the buffer is full; events in the buffer; events that
+        it must be able to hold to go on.
     """
     room = _room(keys, shift)
     shots = shot_pixel.size - 1

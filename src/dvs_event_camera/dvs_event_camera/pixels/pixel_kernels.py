@@ -1,4 +1,4 @@
-"""Compiled pixels: the frame pass, sorting and labelling; `firing_kernels` has the events.
+"""Compiled pixels: gathering, sorting and labelling; others have the frame pass and the events.
 
 Same results as the NumPy comparators, bit for bit. No logarithm is taken here: a compiled one may
 differ from NumPy's in the last bit. What is left is IEEE arithmetic in the same order, which numba
@@ -12,13 +12,23 @@ from typing import Any
 import numpy as np
 
 from dvs_common.kernel_cache import kernel
-from dvs_event_camera.pixels.firing_kernels import fire_cubic, fire_imperfect, fire_linear
+from dvs_event_camera.pixels.band_kernels import (
+    TILE,
+    find_beside_borders,
+    find_beside_scale,
+    store_float_borders,
+    store_integer_borders,
+    store_level_borders,
+    store_scale,
+)
+from dvs_event_camera.pixels.firing_kernels import fire_ideal, fire_imperfect
 
 __all__ = [
-    'find_news',
-    'fire_cubic',
+    'TILE',
+    'find_beside_borders',
+    'find_beside_scale',
+    'fire_ideal',
     'fire_imperfect',
-    'fire_linear',
     'gather',
     'hold_invalid',
     'label_events',
@@ -28,58 +38,12 @@ __all__ = [
     'store_float_borders',
     'store_integer_borders',
     'store_level_borders',
+    'store_scale',
     'unpack_keys',
 ]
 
 # Bits of a digit: as many counters stay in the first-level cache.
 _DIGIT = 11
-_F4_MAX = 3.4028e38
-_F4_MIN = 1.2e-38
-
-
-@kernel
-def find_news(
-    signal: Any, low: Any, high: Any, store: Any, mask: Any, first: int, found: Any, number: int
-) -> int:
-    """Pixels whose signal lies outside its silent band, and a copy of the signal.
-
-    Parameters
-    ----------
-    signal
-        Luminosities or levels of some pixels, shape (k,).
-    low, high
-        Smallest and largest silent value of each, shape (k,).
-    store
-        Out: the signal, shape (k,).
-    mask
-        Scratch, uint8, a multiple of 8 and at least k entries, zero from k on.
-    first
-        Index of the first of the pixels.
-    found
-        Out: indices of the pixels with news, int32; `number` of them are there already.
-    number
-        How many.
-
-    Returns
-    -------
-    int
-        Number of pixels in `found`.
-    """
-    size = signal.size
-    # A loop without branches, which the compiler turns into vector instructions.
-    for i in range(size):
-        y = signal[i]
-        store[i] = y
-        # Negated so that NaN is news.
-        mask[i] = not ((y >= low[i]) & (y <= high[i]))
-    words = mask[: (size + 7) // 8 * 8].view(np.uint64)
-    for word in range(words.size):
-        if words[word] != 0:
-            # No branch for the processor to guess wrong, unlike an `if` on every pixel.
-            for i in range(8 * word, 8 * word + 8):
-                found[number] = first + i
-                number += int(mask[i])
-    return number
 
 
 @kernel
@@ -100,7 +64,7 @@ def gather(values: Any, found: Any, out: Any) -> None:
 
 
 @kernel
-def hold_invalid(found: Any, now: Any, before: Any, store: Any, previous: Any, origin: Any) -> int:
+def hold_invalid(found: Any, now: Any, before: Any, origin: Any, held: Any) -> int:
     """Replace levels that are not finite by the previous ones; return how many there were.
 
     A pixel without light so far rests on its reference.
@@ -110,11 +74,11 @@ def hold_invalid(found: Any, now: Any, before: Any, store: Any, previous: Any, o
     found
         Pixels, int32, shape (k,).
     now, before
-        Their new and previous levels, float64, shape (k,); `now` is overwritten.
-    store, previous
-        New and previous signal of all pixels; `store` is overwritten.
+        Their new and previous levels, float64, shape (k,); overwritten.
     origin
         Level of the first reference of all pixels, float64.
+    held
+        Out: the pixels that hold, int32, shape (k,).
     """
     invalid = 0
     for k in range(found.size):
@@ -122,75 +86,9 @@ def hold_invalid(found: Any, now: Any, before: Any, store: Any, previous: Any, o
             before[k] = origin[found[k]]
         if not np.isfinite(now[k]):
             now[k] = before[k]
-            store[found[k]] = previous[found[k]]
+            held[invalid] = found[k]
             invalid += 1
     return invalid
-
-
-@kernel
-def store_float_borders(found: Any, lower: Any, upper: Any, low: Any, high: Any) -> None:
-    """Borders of the silent bands as float32, rounded inwards.
-
-    Parameters
-    ----------
-    found
-        Pixels, int32, shape (k,).
-    lower, upper
-        Luminosities between which they are silent, float64, shape (k,).
-    low, high
-        Out: borders of all pixels, float32.
-    """
-    for k in range(found.size):
-        a, b = lower[k] * (1.0 + 2e-7), upper[k] * (1.0 - 2e-7)
-        if a > 0.0 and a < _F4_MIN:
-            a = _F4_MIN
-        if b > _F4_MAX:
-            b = _F4_MAX
-        low[found[k]] = a
-        high[found[k]] = b
-
-
-@kernel
-def store_integer_borders(
-    found: Any, lower: Any, upper: Any, low: Any, high: Any, largest: float
-) -> None:
-    """Borders of the silent bands as integers.
-
-    Parameters
-    ----------
-    found
-        Pixels, int32, shape (k,).
-    lower, upper
-        Luminosities between which they are silent, float64, shape (k,).
-    low, high
-        Out: smallest and largest silent value of all pixels, unsigned.
-    largest
-        Largest value of their type.
-    """
-    for k in range(found.size):
-        a = max(np.ceil(lower[k] * (1.0 + 1e-9)), 0.0)
-        b = min(np.floor(upper[k] * (1.0 - 1e-9)), largest)
-        silent = a <= b
-        low[found[k]] = a if silent else 1.0
-        high[found[k]] = b if silent else 0.0
-
-
-@kernel
-def store_level_borders(found: Any, lower: Any, upper: Any, low: Any, high: Any) -> None:
-    """Borders of the silent bands where the signal is the level itself.
-
-    Parameters
-    ----------
-    found
-        Pixels, int32, shape (k,).
-    lower, upper
-        Levels between which they are silent, float64, shape (k,).
-    low, high
-        Out: borders of all pixels, float64.
-    """
-    for k in range(found.size):
-        low[found[k]] = lower[k]
-        high[found[k]] = upper[k]
 
 
 @kernel
