@@ -34,20 +34,27 @@ mypy
 
 # Most tests wait for processes to start and to meet, so that there are more of them than processors.
 # conftest.py has the order, and which tests stay together.
-workers=$(($(nproc) * 2))
-[ "$workers" -le 8 ] || workers=8
+workers() {
+    local wanted=$(($(nproc) * $1))
+    echo $((wanted < 8 ? wanted : 8))
+}
 chosen() {
     python -m pytest "$@" || { status=$?; [ $status = 5 ]; }    # 5: none of this kind was asked for
 }
 # Processes that meet over a middleware are at the mercy of the machine: what fails is tried once
 # more, and the summary says so.
 again=(--reruns 1)
-together=(--durations 15 -n "$workers" --dist loadgroup --no-loadscope-reorder)
+together=(--durations 15 --dist loadgroup --no-loadscope-reorder)
+cores=(src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller src/dvs_simulation)
 case $which in
-    fast) chosen -m 'not processes and not wall_clock and not long' "${together[@]}" "$@" src ;;
+    fast)
+        chosen -m 'not processes and not wall_clock and not long' \
+            "${together[@]}" -n "$(workers 1)" "$@" "${cores[@]}"
+        ;;
     *)
-        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" "$@"
-        chosen -m 'wall_clock and not long' "${again[@]}" "$@"
+        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 2)" "$@"
+        # A processor for each, nearly: they live on the wall clock.
+        chosen -m 'wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 1)" "$@"
         ;;
 esac
 if [ $which = long ]; then chosen -m long --timeout 0 "$@"; fi

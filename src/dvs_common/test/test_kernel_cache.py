@@ -7,6 +7,7 @@ import sys
 import pytest
 
 pytest.importorskip('numba')
+pytestmark = pytest.mark.processes
 
 CALLED = 'from dvs_common.kernel_cache import kernel\n\n@kernel\ndef part(x):\n    return {} * x\n'
 CALLER = (

@@ -14,6 +14,7 @@ def test_every_new_name_is_a_module():
         assert import_module(new).__name__ == new
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ('old', 'name'),
     [

@@ -114,7 +114,7 @@ def test_every_mode_is_the_same_compiled_and_with_threads(mode, period_ns):
     noisy = 'imperfections' in mode and period_ns > 10**9
     size = 7 if noisy else 300
     if noisy and mode['imperfections'].shot_noise_rate + mode['imperfections'].leak_rate:
-        period_ns = 2**34
+        period_ns = 2**33
     rng = np.random.default_rng(5)
     arrays = [
         PixelArray(event_threshold=0.1, backend=backend, threads=threads, seed=9, **mode)
@@ -251,6 +251,7 @@ def test_digits_sort_as_comparisons_do(keys, first_bit):
     assert array.tolist() == sorted(keys)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize('damaged', ['*.nbi', '*.nbc', ''])
 def test_cache_of_compiled_kernels_that_is_broken_costs_a_word_and_no_result(tmp_path, damaged):
     (tmp_path / 'small.py').write_text(

@@ -47,6 +47,7 @@ def convert(path, target):
     return peak_of('convert_events', str(path), str(target))
 
 
+@pytest.mark.processes
 def test_memory_does_not_grow_with_the_recording(tmp_path):
     small, large = recording(tmp_path / 'small.dat', 1), recording(tmp_path / 'large.dat', 6)
     # All events of the large one in memory would be 65 MB more.

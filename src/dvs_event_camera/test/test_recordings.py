@@ -412,6 +412,7 @@ def test_an_unknown_suffix_names_those_that_are_known(tmp_path):
 
 
 # The HDF5 library ends the process itself, after naming the file.
+@pytest.mark.processes
 @pytest.mark.parametrize('suffix', [s for s in SUFFIXES if s != '.h5'])
 def test_a_full_disk_is_named_and_leaves_nothing_useless(suffix, tmp_path, capfd):
     source = tmp_path / 'events.csv'
