@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import itertools
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +17,9 @@ settings.register_profile('suite', deadline=None, max_examples=50, derandomize=T
 settings.load_profile('suite')
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+# Hundreds of processes import the same modules: what one has compiled, the others load.
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+sys.dont_write_bytecode = False
 # Domains above 101 meet the ephemeral ports of Linux.
 _DOMAINS = 101
 _TURNS = itertools.count(os.getpid() * 13)

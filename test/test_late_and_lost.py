@@ -10,6 +10,7 @@ from loop_support import CONFIG, UNHURRIED, operating, ros_arguments, start, sto
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty
 from test_health import latest, reaches
+from test_kill_rounds import stamp_of
 
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
@@ -140,18 +141,17 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
 
 
 def sector_ratio(operator, luminosities, estimates):
-    """Worst |z - y| / (delta_z |y|) where both hold still."""
-    luminosities.clear()
-    estimates.clear()
+    """Worst |z - y| / (delta_z |y|) of the samples to come."""
+    operator.forget(luminosities, estimates)
     assert operator.spin_until(lambda: len(luminosities) > 800 and len(estimates) > 800)
     bound = sector(
         SCENARIO.model_reference_bounds, event_threshold=0.15, log_base=SCENARIO['log_base']
     ).error_bound
-    y = np.array([np.frombuffer(image.data) for image in luminosities[:800]])
-    z = np.array([estimate.position for estimate in estimates[:800]])
-    return max(
-        np.max((z.max(0) / y.max(0) - 1) / bound), np.max((1 - z.min(0) / y.min(0)) / bound)
-    )
+    y = {stamp_of(image): np.frombuffer(image.data) for image in luminosities}
+    z = {stamp_of(estimate): np.array(estimate.position) for estimate in estimates}
+    both = y.keys() & z.keys()
+    assert len(both) > 700
+    return max(np.max(np.abs(z[stamp] / y[stamp] - 1) / bound) for stamp in both)
 
 
 @pytest.mark.parametrize(
