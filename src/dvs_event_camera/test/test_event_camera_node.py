@@ -13,6 +13,7 @@ from sensor_encoders import mono_words, packet_message
 pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
@@ -282,3 +283,13 @@ def test_compressed_images_are_taken(graph):
     assert len(parse_events(bytes(heard[-1])).events) == 8
     code, _, err = camera.stop()
     assert code == 0, err
+
+
+def test_preset_gives_the_parameters_that_are_not_given_themselves(graph):
+    graph.start(CAMERA, preset='noisy', leak_rate=0.5)
+    client = graph.node.create_client(GetParameters, 'event_camera/get_parameters')
+    assert client.wait_for_service(timeout_sec=20.0)
+    names = ['event_threshold', 'leak_rate', 'shot_noise_rate', 'cutoff_frequency']
+    reply = client.call_async(GetParameters.Request(names=names))
+    graph.turn_until(reply.done)
+    assert [value.double_value for value in reply.result().values] == [0.2, 0.5, 5.0, 30.0]

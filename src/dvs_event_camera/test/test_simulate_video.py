@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.presets import PRESETS, preset_named
 from dvs_event_camera.cli import main
 from dvs_event_camera.event_camera import EventCamera
 from dvs_event_camera.pixels.pixel_array import PixelArray
-from dvs_event_camera.pixels.presets import PRESETS, preset_named
 from dvs_event_camera.tools.frame_interpolation import interpolated
 
 cv2 = pytest.importorskip('cv2')
@@ -119,7 +119,13 @@ def test_presets_are_parameters_of_the_camera_with_a_source(name):
 
     preset = preset_named(name)
     assert len(preset.source) > 5
-    EventCamera.of_scenario(Scenario.from_values(dict(preset.values)))
+    scenario = Scenario.from_values({'preset': name, 'jitter': 0.5})
+    EventCamera.of_scenario(scenario)
+    expected = {**Scenario.from_values({}).values, **preset.values, 'preset': name, 'jitter': 0.5}
+    assert dict(scenario.values) == expected
+    # What is given counts more; so does all of a scenario that was written down whole.
+    assert Scenario.from_values({'preset': name, 'event_threshold': 0.3})['event_threshold'] == 0.3
+    assert Scenario.from_values(scenario.values).values == scenario.values
 
 
 def test_preset_that_is_none_is_refused():

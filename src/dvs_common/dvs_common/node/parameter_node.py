@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from dvs_common.errors import SuiteError
 from dvs_common.node.ros_parameters import ROS_TYPE, descriptor, plain
 from dvs_common.scenario.parameters import SCHEMA
+from dvs_common.scenario.presets import with_preset
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.scenario.schema import ParameterSpec, Value, is_ros_parameter
 
@@ -161,7 +162,7 @@ class ParameterNode(LifecycleNode):
         for name in overrides:
             self.undeclare_parameter(name)
         overrides = {name: plain(value) for name, value in overrides.items()}
-        values = self._schema.validate(overrides)
+        values = self._schema.validate(with_preset(overrides))
         for spec in self._specs:
             self._declare(spec, values[spec.name])
         own = {spec.name for spec in self._specs}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from dvs_common.scenario.fields import ParameterGroup, parameter
 from dvs_common.scenario.nodes import CAMERA
+from dvs_common.scenario.presets import PRESETS
 from dvs_common.scenario.schema import NON_NEGATIVE, POSITIVE, SHARE, Interval
 
 # More is a slip, and stamps and arrays have an end.
@@ -112,6 +113,12 @@ class CameraParameters(ParameterGroup):
 class ImperfectionParameters(ParameterGroup):
     """In what the pixels differ from ideal ones."""
 
+    preset: str = parameter(
+        'ideal',
+        'Sensor that gives threshold and imperfections where they are not given themselves',
+        nodes=(CAMERA,),
+        choices=tuple(PRESETS),
+    )
     threshold_mismatch: float = parameter(
         0.0,
         'Standard deviation of the ON and OFF thresholds of the pixels relative to h, frozen',

@@ -27,6 +27,7 @@ from dvs_common.scenario.plant_parameters import (
     PixelParameters,
     PlantParameters,
 )
+from dvs_common.scenario.presets import with_preset
 from dvs_common.scenario.promise_parameters import PromiseParameters
 from dvs_common.scenario.schema import Schema, Value
 from dvs_common.scenario.sensor_parameters import SensorParameters
@@ -133,14 +134,14 @@ class Parameters:
         Parameters
         ----------
         values
-            Values by parameter name.
+            Values by parameter name; `preset` gives some that are not among them.
 
         Raises
         ------
         ParameterError
             If a name is unknown or a value breaks its rule.
         """
-        return cls()._with(values)
+        return cls()._with(with_preset(values))
 
     def replace(self: _Self, **changes: Any) -> _Self:
         """Return a copy with some parameters changed and checked.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +60,18 @@ class LowPass:
         Corner, Hz, > 0.
     cutoff_luminosity
         Luminosity from which on the corner is reached, 0 for one corner everywhere.
+    kernels
+        Module `pixel_kernels`, or None.
     """
 
     def __init__(
-        self, levels: FloatArray, cutoff_frequency: float, cutoff_luminosity: float
+        self,
+        levels: FloatArray,
+        cutoff_frequency: float,
+        cutoff_luminosity: float,
+        kernels: Any = None,
     ) -> None:
+        self._kernels = kernels
         self._input = levels.copy()
         self._output = levels.copy()
         self._rate = 2 * math.pi * cutoff_frequency
@@ -80,6 +87,10 @@ class LowPass:
         """Filter; see `LevelStage.apply`."""
         tile = slice(first_pixel, first_pixel + levels.size)
         before, output = self._input[tile], self._output[tile]
+        if self._kernels is not None and not self._full:
+            advance = self._rate * as_seconds(duration_ns)
+            self._kernels.low_pass(levels, before, output, advance, float(np.exp(-advance)))
+            return
         meaningful = np.isfinite(levels)
         now = np.where(meaningful, levels, before)
         duration = as_seconds(duration_ns)
@@ -104,9 +115,14 @@ class Leak:
         Threshold as a change of the level, ``h ln b``.
     rng
         Draws the phase of every pixel, uniform in [0, 1) events.
+    kernels
+        Module `pixel_kernels`, or None.
     """
 
-    def __init__(self, rates: FloatArray, step: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, rates: FloatArray, step: float, rng: np.random.Generator, kernels: Any = None
+    ) -> None:
+        self._kernels = kernels
         self.rates = rates
         self._step = step
         self._phase = np.where(rates > 0, rng.random(rates.size), 0.0)
@@ -120,8 +136,11 @@ class Leak:
     ) -> None:
         """Leak; see `LevelStage.apply`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        leaked = self._phase[tile] + self.rates[tile] * as_seconds(elapsed_ns)
-        levels += self._step * leaked
+        phase, rates, seconds = self._phase[tile], self.rates[tile], as_seconds(elapsed_ns)
+        if self._kernels is not None:
+            self._kernels.leak(levels, phase, rates, seconds, self._step)
+            return
+        levels += self._step * (phase + rates * seconds)
 
     def ahead_ns(self) -> NDArray[np.int64]:
         """Time by which each pixel has leaked at the first sample already, ns, shape (r,)."""
@@ -173,7 +192,11 @@ class DeadPixels:
 
 
 def level_stages(
-    imperfections: Imperfections, levels: FloatArray, step: float, rng: np.random.Generator
+    imperfections: Imperfections,
+    levels: FloatArray,
+    step: float,
+    rng: np.random.Generator,
+    kernels: Any = None,
 ) -> list[LevelStage]:
     """Stages that `imperfections` ask for, in the order of the signal.
 
@@ -187,11 +210,14 @@ def level_stages(
         Threshold as a change of the level, ``h ln b``.
     rng
         Draws hot and dead pixels and the phases of the leak.
+    kernels
+        Module `pixel_kernels`, or None.
     """
     stages: list[LevelStage] = []
     wanted = imperfections
     if wanted.cutoff_frequency:
-        stages.append(LowPass(levels, wanted.cutoff_frequency, wanted.cutoff_luminosity))
+        corner, full = wanted.cutoff_frequency, wanted.cutoff_luminosity
+        stages.append(LowPass(levels, corner, full, kernels))
     shuffled = rng.permutation(levels.size)
     hot_count = round(wanted.hot_pixel_fraction * levels.size)
     dead_count = round(wanted.dead_pixel_fraction * levels.size)
@@ -200,7 +226,7 @@ def level_stages(
         rates = np.full(levels.size, wanted.leak_rate)
         rates[hot] = wanted.hot_pixel_rate
         rates[dead] = 0.0
-        stages.append(Leak(rates, step, rng))
+        stages.append(Leak(rates, step, rng, kernels))
     if dead_count:
         stages.append(DeadPixels(levels, dead))
     return stages

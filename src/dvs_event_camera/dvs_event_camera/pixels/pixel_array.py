@@ -361,6 +361,7 @@ class PixelArray:
     def _build(self, luminosity: NDArray[np.generic], levels: FloatArray) -> None:
         """Make engine, stages and delay line; every random draw has a stream of its own."""
         wanted = self._imperfections
+        kernels = kernels_for(self._backend, levels.size)
         streams = [np.random.default_rng([self._seed, number]) for number in range(3)]
         state = (
             ImperfectState(self._origin, self._step, self._off_step, wanted, streams[0])
@@ -369,7 +370,7 @@ class PixelArray:
         )
         self._stages: list[LevelStage] = []
         if wanted.change_levels:
-            self._stages = level_stages(wanted, levels, self._step, streams[1])
+            self._stages = level_stages(wanted, levels, self._step, streams[1], kernels)
         law = PixelLaw(
             photoreceptor=self._receptor,
             step=self._step,
@@ -385,7 +386,6 @@ class PixelArray:
             backend=self._backend,
             threads=self._threads,
         )
-        kernels = kernels_for(self._backend, levels.size)
         self._labels = noise_labels_of(wanted, levels.size, kernels) if self._label_noise else None
         self._delay = (
             DelayLine(

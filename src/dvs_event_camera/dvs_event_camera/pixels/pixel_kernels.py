@@ -22,6 +22,7 @@ from dvs_event_camera.pixels.band_kernels import (
     store_scale,
 )
 from dvs_event_camera.pixels.firing_kernels import fire_ideal, fire_imperfect
+from dvs_event_camera.pixels.level_kernels import leak, low_pass
 
 __all__ = [
     'TILE',
@@ -32,6 +33,8 @@ __all__ = [
     'gather',
     'hold_invalid',
     'label_events',
+    'leak',
+    'low_pass',
     'merge',
     'pack_records',
     'radix_sort',

@@ -7,12 +7,13 @@ nanoseconds since `time_base` in bits 0 to 31. `packet_decoder` decodes this and
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.wire.cdr import CdrReader, CdrWriter
+from dvs_common.wire.cdr import CdrWriter, MessageError, require_plain, stamp_ns_of
 from dvs_common.wire.events import FRAME_ID, EventPacket
 
 MESSAGE_TYPE = 'event_camera_msgs/msg/EventPacket'
@@ -22,6 +23,9 @@ DEFINITION = (
     'string encoding\nbool is_bigendian\nuint8[] events\n'
 )
 _ENCODING = 'mono'
+# Runs of fields between the texts of a message; what follows each is the size of the text.
+_STAMP, _SHAPE, _COUNTS = struct.Struct('<iII'), struct.Struct('<II'), struct.Struct('<QQI')
+_SIZE = struct.Struct('<I')
 
 
 def encode_mono(packet: EventPacket) -> tuple[int, NDArray[np.uint64]]:
@@ -125,21 +129,41 @@ def parse_event_packet(message: bytes) -> DriverPacket:
     Raises
     ------
     MessageError
-        If the message is cut short.
+        If the message is cut short or no plain CDR.
     """
-    reader = CdrReader(message)
-    stamp_ns = reader.stamp()
-    reader.text()
+    require_plain(message[:2])
+    # By hand and not field by field: a driver's packet may hold a few hundred events only.
+    try:
+        seconds, nanoseconds, size = _STAMP.unpack_from(message, 4)
+        place = _aligned(16 + size, 4)
+        height, width = _SHAPE.unpack_from(message, place)
+        place = _aligned(place + 8, 8)
+        sequence, time_base, size = _COUNTS.unpack_from(message, place)
+        place += 20
+        text = bytes(message[place : place + max(size - 1, 0)])
+        big_endian = bool(message[place + size])
+        place = _aligned(place + size + 1, 4)
+        (size,) = _SIZE.unpack_from(message, place)
+    except (struct.error, IndexError):
+        raise MessageError('message ends too early') from None
+    data = memoryview(message)[place + 4 : place + 4 + size]
+    if len(data) != size:
+        raise MessageError(f'message ends {size - len(data)} bytes too early')
     return DriverPacket(
-        stamp_ns=stamp_ns,
-        height=reader.u32(),
-        width=reader.u32(),
-        sequence=reader.u64(),
-        time_base=_signed(reader.u64()),
-        encoding=reader.text(),
-        big_endian=bool(reader.u8()),
-        data=reader.octets(),
+        stamp_ns=stamp_ns_of(seconds, nanoseconds),
+        height=height,
+        width=width,
+        sequence=sequence,
+        time_base=_signed(time_base),
+        encoding=text.decode('utf-8', 'replace'),
+        big_endian=big_endian,
+        data=data,
     )
+
+
+def _aligned(place: int, size: int) -> int:
+    """Where a field of some size begins; the encapsulation of 4 bytes is not counted."""
+    return place + -(place - 4) % size
 
 
 def _signed(value: int) -> int:

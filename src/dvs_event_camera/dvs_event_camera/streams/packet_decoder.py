@@ -111,13 +111,16 @@ class Evt3Decoder:
         """
         words = words_of(data, '<u2', 'evt3')
         if not self._kernels.count_evt3_triggers(words):
-            return self._within(self._feed(words))
+            return self._within(self._feed(data))
         at = np.flatnonzero(words >> 12 == _EVT3_TRIGGER)
         return joined(
             [
                 part
                 for piece in np.split(words, at + 1)
-                for part in (self._within(self._feed(piece)), self._trigger_after(piece))
+                for part in (
+                    self._within(self._feed(piece.tobytes())),
+                    self._trigger_after(piece),
+                )
             ]
         )
 
@@ -134,14 +137,14 @@ class Evt3Decoder:
         if not piece.size or piece[-1] >> 12 != _EVT3_TRIGGER:
             return no_events()
         word = int(piece[-1])
-        now = self._feed(_EVT3_PROBE).t.view(np.int64) * 1000
+        now = self._feed(_EVT3_PROBE.tobytes()).t.view(np.int64) * 1000
         source = np.full(now.size, word >> 8 & 0xF, np.uint8)
         rising = np.full(now.size, word & 1, np.uint8)
         return no_events(Triggers(t=now, source=source, rising=rising))
 
-    def _feed(self, words: NDArray[np.uint16]) -> Any:
+    def _feed(self, words: bytes | memoryview) -> Any:
         try:
-            return self._decoder.feed(words.tobytes())
+            return self._decoder.feed(bytes(words))
         except ValueError as error:
             raise MessageError(f'no EVT 3.0 words: {error}') from None
 

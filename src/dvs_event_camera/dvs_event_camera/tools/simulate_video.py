@@ -18,11 +18,11 @@ from tqdm import tqdm
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.scenario.parameter_file import read_parameter_file
+from dvs_common.scenario.presets import PRESETS
 from dvs_common.scenario.scenario import Scenario
 from dvs_event_camera.event_camera import EventCamera
 from dvs_event_camera.files.writers import LazyWriter, format_of
 from dvs_event_camera.pixels.pixel_events import PixelEvents
-from dvs_event_camera.pixels.presets import PRESETS, preset_named
 from dvs_event_camera.streams.image_source import LuminosityFrame, darkest_of
 from dvs_event_camera.streams.renderer import EventRenderer
 from dvs_event_camera.streams.sensor_events import SensorEvents
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _scenario(options: argparse.Namespace) -> Scenario:
-    values: dict[str, Any] = {'mode': 'realtime', **preset_named(options.preset).values}
+    values: dict[str, Any] = {'mode': 'realtime', 'preset': options.preset}
     if options.params_file:
         values.update(read_parameter_file(options.params_file).values_of('/event_camera'))
     if options.threshold is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from dvs_common.errors import ParameterError
 
@@ -72,7 +73,25 @@ def preset_named(name: str) -> Preset:
     ParameterError
         If there is none of that name.
     """
-    found = PRESETS.get(name)
+    found = PRESETS.get(name) if isinstance(name, str) else None
     if found is None:
         raise ParameterError('preset', name, f'must be one of {", ".join(PRESETS)}')
     return found
+
+
+def with_preset(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of parameters, those of their `preset` for what is not given beside it.
+
+    Parameters
+    ----------
+    values
+        Parameters that are given.
+
+    Raises
+    ------
+    ParameterError
+        If the preset is none.
+    """
+    if 'preset' not in values:
+        return dict(values)
+    return {**preset_named(values['preset']).values, **values}
