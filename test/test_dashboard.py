@@ -84,6 +84,10 @@ def test_the_page_of_a_running_loop(browser, domain, processes):
     assert '3 pixels' in text_of(browser, 'subtitle')
     assert number_of(browser, 'value-ratio') <= 1
     assert number_of(browser, 'value-lost') == 0
+    # h = 0.15 is more than the design guarantees.
+    assert wait_for(
+        lambda: 'not certified: h ln b + max w' in text_of(browser, 'note-certificate')
+    )
     assert wait_for(lambda: number_of(browser, 'value-error') < 0.05)
     for canvas in CANVASES:
         assert browser.execute_script(INK, canvas) > 1000, canvas

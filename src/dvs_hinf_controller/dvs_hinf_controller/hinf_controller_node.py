@@ -23,6 +23,7 @@ from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import Design, design_from_scenario
+from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.running.event_controller import PacketReport
 from dvs_hinf_controller.running.make_controller import event_controller
@@ -86,10 +87,13 @@ class HinfControllerNode(ManagedNode):
         self._report_design()
 
     def _report_design(self) -> None:
+        self._certificate = LiveCertificate(self._design, self._scenario.uncertainty.pixel_mask)
+        beginning = event_controller(self._design, self._scenario)
         report = start_up_report(
             self._design,
             event_threshold=self._scenario.sensor.event_threshold,
             sampling_period=self._scenario.loop.sampling_period,
+            budget=beginning.read_budget(self._design.figures.delta_certified),
         )
         self.get_logger().info(report.text)
         darkness = darkness_warnings(self._design.problem, self._scenario.sensor.photoreceptor)
@@ -218,7 +222,8 @@ class HinfControllerNode(ManagedNode):
         figures = self._design.figures
         h = self._controller.event_threshold
         references = self._controller.references
-        budget = self._controller.budget(figures.delta_certified)
+        delta_certified = self._certificate.of(references.health.healthy)
+        budget = self._controller.read_budget(delta_certified)
         event_rate = self._event_rate.read(self._events)
         return Health(
             troubles=self._troubles(budget),
@@ -240,10 +245,7 @@ class HinfControllerNode(ManagedNode):
                 'h': h,
                 'h* (published)': figures.h_star,
                 'h_certified': figures.h_certified,
-                'h ln b': f'{budget.threshold:.6g}',
-                'max w': f'{budget.ignorance:.6g}',
-                'atanh(delta_certified)': f'{budget.allowed:.6g}',
-                'certificate': str(budget),
+                **budget.figures,
                 'h <= h*': h <= figures.h_star,
                 'h <= h_certified': h <= figures.h_certified,
             },

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
@@ -107,6 +109,24 @@ class DesignProblem:
             initial_state=scenario.initial_state,
         )
 
+    def of_pixels(self, chosen: NDArray[np.bool_]) -> DesignProblem:
+        """The same problem with the mean over some of the pixels only, as if no other were there.
+
+        Parameters
+        ----------
+        chosen
+            Pixels that stay, shape (r,); at least one.
+        """
+        if chosen.all():
+            return self
+        scene = PixelScene(
+            brightness_offsets=self.scene.brightness_offsets[chosen],
+            height=1,
+            width=int(np.count_nonzero(chosen)),
+        )
+        bounds = ReferenceBounds(lower=self.bounds.lower[chosen], upper=self.bounds.upper[chosen])
+        return replace(self, scene=scene, bounds=bounds)
+
     @property
     def continuous(self) -> DesignProblem:
         """The same problem for the continuous loop of the paper, nothing else acting on it."""
@@ -131,3 +151,30 @@ class DesignProblem:
     def worst_reference_ratio(self) -> float:
         """``min_i m_i / M_i`` (paper, Theorem 2)."""
         return float(np.min(self.bounds.lower / self.bounds.upper))
+
+
+def unmasked(pixel_count: int, masked: Sequence[int]) -> NDArray[np.bool_]:
+    """Pixels that are not masked, shape (r,).
+
+    Parameters
+    ----------
+    pixel_count
+        r.
+    masked
+        Row-major numbers of the others.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not that of a pixel, or no pixel is left.
+    """
+    for pixel in masked:
+        if not 0 <= pixel < pixel_count:
+            raise ParameterError(
+                'pixel_mask', pixel, f'must be a pixel of the array, 0 to {pixel_count - 1}'
+            )
+    left = np.ones(pixel_count, bool)
+    left[list(masked)] = False
+    if not left.any():
+        raise ParameterError('pixel_mask', list(masked), 'must leave a pixel of the array')
+    return left

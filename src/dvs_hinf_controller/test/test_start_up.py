@@ -1,10 +1,12 @@
 """What the controller says when it starts: the figures of its design, and what it warns of."""
 
 import dataclasses
+import math
 
 import pytest
 
 from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.problem import DesignProblem
@@ -20,7 +22,10 @@ def report(design, *, threshold=0.01, period=1e-4, **figures):
         design,
         figures=dataclasses.replace(design.figures, **figures) if figures else design.figures,
     )
-    return start_up_report(changed, event_threshold=threshold, sampling_period=period)
+    budget = Budget.at_start(design.problem.bounds, threshold, changed.figures.delta_certified)
+    return start_up_report(
+        changed, event_threshold=threshold, sampling_period=period, budget=budget
+    )
 
 
 def rows(text):
@@ -39,6 +44,17 @@ def test_the_figures_of_the_design_are_named(design):
     assert float(found['||Gw1||_inf']) == pytest.approx(figures.hinf_gain_w1, rel=1e-5)
     assert float(found['delta*']) == pytest.approx(figures.delta_star, rel=1e-5)
     assert float(found['h* (published)']) == pytest.approx(figures.h_star, rel=1e-5)
+
+
+def test_the_budget_of_the_start_is_in_the_block(design):
+    within, beyond = (rows(report(design, threshold=h).text) for h in (0.01, 0.15))
+    allowed = math.atanh(design.figures.delta_certified)
+    bounds = design.problem.bounds
+    width = 0.5 * math.log((bounds.upper / bounds.lower).max())
+
+    assert float(within['atanh(delta_certified)']) == pytest.approx(allowed, rel=1e-5)
+    assert float(beyond['h ln b + max w']) == pytest.approx(0.15 + width, rel=1e-3)
+    assert (within['certificate'], beyond['certificate']) == ('certified now', 'not certified')
 
 
 def test_the_sector_is_that_of_the_running_threshold(design):

@@ -40,7 +40,7 @@ def test_an_exact_run_and_its_messages_are_judged_alike():
         trace,
         scenario,
         name='same',
-        promised=Promised(h_star=0.1, h_certified=0.1, slowest_pole=-1.0),
+        promised=Promised(h_star=0.1, h_certified=0.1, delta_certified=0.1, slowest_pole=-1.0),
         wall_seconds=1.0,
         interrupted=False,
         bounds=loop.bounds,

@@ -11,6 +11,7 @@ from recorded_messages import recorded
 
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_simulation.judging.trace import decode_trace
 from dvs_simulation.judging.verdict import Promised, Verdict, judge, sector_ratios
 
@@ -26,7 +27,12 @@ SCENARIO = Scenario.from_values(
 )
 # Lemma 4 with m = 1, M = 1.2.
 RHO = math.exp(-H)
+Y = np.array([2.0, 3.0, 4.0])
 BOUND = (1.2 - RHO**2) / (1.2 + RHO**2)
+
+PROMISED = Promised(h_star=0.2, h_certified=0.05, delta_certified=0.3, slowest_pole=-20.0)
+# h ln b + w and atanh(delta_certified) of SCENARIO and PROMISED.
+USED, ALLOWED = H + 0.5 * math.log(1.2), math.atanh(0.3)
 
 
 def run(errors, *, ratios=0.0, luminosity=(2.0, 3.0, 4.0)):
@@ -40,8 +46,7 @@ def run(errors, *, ratios=0.0, luminosity=(2.0, 3.0, 4.0)):
 
 
 def judged(trace, scenario=SCENARIO, **options):
-    promised = Promised(h_star=0.2, h_certified=0.05, slowest_pole=-20.0)
-    defaults = {'name': 'test', 'promised': promised, 'wall_seconds': 2.0, 'interrupted': False}
+    defaults = {'name': 'test', 'promised': PROMISED, 'wall_seconds': 2.0, 'interrupted': False}
     return judge(trace, scenario, **{**defaults, **options})
 
 
@@ -69,7 +74,8 @@ def test_ratios_are_relative_to_the_sector_of_every_pixel():
     trace = run([0.0] * 4, ratios=[0.0, 0.5, -0.9, 1.0])
 
     np.testing.assert_allclose(
-        sector_ratios(trace, SCENARIO).reshape(4, 3), np.outer([0, 0.5, 0.9, 1], np.ones(3))
+        sector_ratios(trace, SCENARIO, np.full(3, BOUND)).reshape(4, 3),
+        np.outer([0, 0.5, 0.9, 1], np.ones(3)),
     )
 
 
@@ -143,7 +149,7 @@ def test_the_file_has_every_figure(tmp_path):
 
 
 def test_a_run_that_was_too_short_did_not_settle_yet():
-    slow = Promised(h_star=0.2, h_certified=0.05, slowest_pole=-0.14)
+    slow = dataclasses.replace(PROMISED, slowest_pole=-0.14)
     early = judged(run([0.3, 0.3, 0.29]), promised=slow)
     late = judged(run([0.3, 0.3, 0.29]), promised=dataclasses.replace(slow, slowest_pole=-1e6))
 
@@ -157,8 +163,68 @@ def test_a_run_that_was_too_short_did_not_settle_yet():
     ('h_certified', 'word'), [(0.05, '(nothing promised)'), (math.inf, 'any (promised)')]
 )
 def test_the_verdict_says_whether_the_promise_stood(h_certified, word):
-    promised = Promised(h_star=0.2, h_certified=h_certified, slowest_pole=-20.0)
+    promised = dataclasses.replace(PROMISED, h_certified=h_certified)
     verdict = judged(run([0.0, 0.01]), promised=promised)
 
     assert verdict.certified == (h_certified > H)
     assert word in str(verdict)
+
+
+def budget(**changes):
+    start = Budget(threshold=H, ignorance=USED - H, delta_certified=0.3)
+    return dataclasses.replace(start, **changes)
+
+
+def certified_run(*reported, scenario=SCENARIO, **options):
+    promised = dataclasses.replace(PROMISED, h_certified=1.0)
+    trace = run([0.0, 0.0], **options)
+    return judged(trace, scenario, promised=promised, reported=reported)
+
+
+def test_the_budget_of_a_verdict_is_that_of_the_start_where_nothing_was_reported():
+    verdict = certified_run()
+
+    assert verdict.budget_used == pytest.approx(USED)
+    assert verdict.budget_allowed == pytest.approx(ALLOWED)
+    assert verdict.certified
+    assert verdict.certificate.startswith('certified now')
+    assert verdict.certificate in str(verdict)
+
+
+def test_the_worst_report_of_a_run_decides_on_its_certificate():
+    verdict = certified_run(budget(), budget(ignorance=0.2), budget(ignorance=0.01))
+
+    assert verdict.budget_used == pytest.approx(H + 0.2)
+    assert not verdict.certified
+    assert verdict.certificate.startswith('not certified: h ln b + max w')
+
+
+def test_a_run_with_unknown_pixels_was_not_certified():
+    verdict = certified_run(budget(unknown_pixels=3), budget(ignorance=0.2))
+
+    assert not verdict.certified
+    assert verdict.certificate == 'not certified: 3 pixels unknown'
+
+
+def test_the_sector_of_an_ideal_sensor_does_not_grow_with_what_was_reported():
+    assert not certified_run(budget(ignorance=0.3), ratios=1.1).sector_held
+
+
+def test_the_sector_of_a_sensor_in_error_is_that_of_its_worst_report():
+    leaky = SCENARIO.replace(leak_uncertainty=0.1)
+
+    assert certified_run(budget(ignorance=0.3), scenario=leaky, ratios=1.1).sector_held
+    assert not certified_run(scenario=leaky, ratios=1.1).sector_held
+
+
+def test_a_masked_pixel_is_not_judged():
+    masked = SCENARIO.replace(pixel_mask=(1,))
+    ratios = [[0.0, 5.0, 0.0], [0.0, 0.0, 0.0]]
+
+    def worst(scenario):
+        samples = [([0.5, -0.2], Y, Y * (1 + BOUND * np.array(row))) for row in ratios]
+        return judged(decode_trace(recorded(samples, events_per_sample=3)), scenario)
+
+    assert not worst(SCENARIO).sector_held
+    assert worst(masked).sector_held
+    assert worst(masked).delta_z == pytest.approx(BOUND)

@@ -73,6 +73,12 @@ class RecordedBag:
         return [message.received_ns for message in self.messages if message.topic == topic]
 
     @property
+    def namespace(self) -> str:
+        """Namespace of the loop, by the names of its topics."""
+        names = (name for topic, name in self.names.items() if not topic.startswith('/'))
+        return next((name.rpartition('/')[0] for name in names), '')
+
+    @property
     def duration_s(self) -> float:
         """Time from the first message to the last, s."""
         if not self.messages:

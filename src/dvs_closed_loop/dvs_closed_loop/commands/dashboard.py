@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
         raise ParameterError('port', options.port, 'must be 0 to 65535')
     scenario = load_scenario(options.params_file) if options.params_file else None
     with tool_node('dashboard', options.namespace, options.ros_arguments) as tool:
-        view = LiveView()
+        view = LiveView(options.namespace.strip('/'))
         DashboardListener(tool.node, view)
         parameters = LoopParameters(tool.node)
         server = DashboardServer(options.host, options.port)

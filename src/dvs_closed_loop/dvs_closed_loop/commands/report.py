@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from dvs_closed_loop.commands.bag_arguments import add_bag_arguments, chosen_bag
 
 if TYPE_CHECKING:
+    from dvs_closed_loop.bags.bag import RecordedBag
     from dvs_closed_loop.bags.recorded_run import RecordedRun
     from dvs_common.scenario.scenario import Scenario
     from dvs_simulation.judging.verdict import Verdict
@@ -65,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         raise ParameterError(
             'params-file', None, f'is needed: {options.bag} does not hold its scenario'
         )
-    verdict = _judged(recorded, scenario, name)
+    verdict = _judged(bag, recorded, scenario, name)
     output = output_folder(options.output or options.bag.parent)
     figures = {}
     if recorded.trace is not None and verdict is not None:
@@ -103,7 +104,11 @@ def _report_sensor(options: argparse.Namespace) -> int:
     return 0
 
 
-def _judged(recorded: RecordedRun, scenario: Scenario, name: str) -> Verdict | None:
+def _judged(
+    bag: RecordedBag, recorded: RecordedRun, scenario: Scenario, name: str
+) -> Verdict | None:
+    from dvs_closed_loop.bags.reported_budgets import reported_budgets
+    from dvs_common.wire import topics
     from dvs_hinf_controller.design.design import design_from_scenario
     from dvs_simulation.judging.verdict import Promised, judge
 
@@ -120,4 +125,5 @@ def _judged(recorded: RecordedRun, scenario: Scenario, name: str) -> Verdict | N
         wall_seconds=recorded.wall_seconds,
         interrupted=simulated_s < scenario.loop.duration - 1.5 * scenario.loop.sampling_period,
         bounds=None if recorded.from_start else scenario.model_reference_bounds,
+        reported=reported_budgets(bag.of(topics.DIAGNOSTICS), bag.namespace),
     )

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dvs_closed_loop.bags.reported_budgets import reported_budgets
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import SuiteError
 from dvs_common.nanoseconds import as_seconds
@@ -26,6 +27,7 @@ from dvs_common.wire.messages import (
 )
 from dvs_common.wire.stamped import stamp_of
 from dvs_event_camera.streams.image_source import parse_luminosity
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_simulation.judging.measures import error, largest, sector_ratio, silent_below
 
@@ -43,9 +45,17 @@ Frame = dict[str, Any]
 
 
 class LiveView:
-    """Gathers messages between two frames."""
+    """Gathers messages between two frames.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    namespace
+        Namespace of the loop, whose controller is told by it among others on /diagnostics.
+    """
+
+    def __init__(self, namespace: str = '') -> None:
+        self._namespace = namespace
+        self._budget: Budget | None = None
         self._heard: dict[str, deque[bytes]] = {
             topic: deque(maxlen=_MOST_WAITING)
             for topic in (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE)
@@ -70,7 +80,7 @@ class LiveView:
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics to subscribe to."""
-        return (*self._heard, topics.ESTIMATE)
+        return (*self._heard, topics.ESTIMATE, topics.DIAGNOSTICS)
 
     @property
     def has_news(self) -> bool:
@@ -90,6 +100,10 @@ class LiveView:
         if topic == topics.ESTIMATE:
             # An estimate has no stamp: it answers the newest packet.
             self._estimates.append((self._newest_packet, message))
+            return
+        if topic == topics.DIAGNOSTICS:
+            for budget in reported_budgets([message], self._namespace):
+                self._budget = budget
             return
         if topic == topics.EVENTS:
             self._newest_packet = message
@@ -145,6 +159,9 @@ class LiveView:
             **self._event_marks(packets),
             **self._figures(wall_s),
         }
+        if self._budget is not None:
+            frame['certificate'] = str(self._budget)
+            frame['certified'] = self._budget.is_certified
         if self._scenario is not None:
             frame['scenario'] = _described(self._scenario, self._equilibrium)
         return frame

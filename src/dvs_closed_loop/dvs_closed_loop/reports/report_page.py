@@ -116,6 +116,11 @@ def _tiles(verdict: Verdict | None) -> tuple[tuple[str, str], ...]:
             f'threshold h (guaranteed up to {verdict.certified_text}, published bound h* = '
             f'{verdict.h_star:.4f})',
         ),
+        (
+            f'{verdict.budget_used:.4g}',
+            'h ln b + max w, atanh(δ_certified) = '
+            f'{_or_any(verdict.budget_allowed)}: {verdict.certificate.partition(":")[0]}',
+        ),
         (f'{verdict.events:,}', f'events, {verdict.events_per_pixel:.1f} a pixel'),
         (f'{verdict.pixels:,}', 'pixels r'),
         (
@@ -125,6 +130,10 @@ def _tiles(verdict: Verdict | None) -> tuple[tuple[str, str], ...]:
         ),
         (f'{verdict.simulated_seconds:.3g} s', f'simulated, {speed:.2f} × real time'),
     )
+
+
+def _or_any(allowed: float | None) -> str:
+    return 'any' if allowed is None else f'{allowed:.4g}'
 
 
 def _stream_table(recorded: RecordedRun) -> _Table:

@@ -12,6 +12,7 @@ from pathlib import Path
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
+from dvs_closed_loop.bags.reported_budgets import reported_budgets
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_closed_loop.running.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.running.loop_runner import LoopError, run_loop
@@ -133,6 +134,7 @@ def run_scenario(
         wall_seconds=recorder.wall_seconds,
         interrupted=session.stop.received,
         bounds=bounds,
+        reported=reported_budgets(recorder.messages[topics.DIAGNOSTICS], space),
     )
     verdict.save(output / 'result.json')
     # Matplotlib takes longer to load than a loop to start.

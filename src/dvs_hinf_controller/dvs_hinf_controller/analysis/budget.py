@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
+
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 
 # Rounding of logarithms.
 _ROUNDING = 1e-12
@@ -44,6 +49,62 @@ class Budget:
     def is_certified(self) -> bool:
         """Whether the tolerance is guaranteed with what is known now."""
         return not self.unknown_pixels and self.used <= self.allowed * (1 + _ROUNDING)
+
+    def is_worse_than(self, other: Budget) -> bool:
+        """Whether less is known than there.
+
+        Parameters
+        ----------
+        other
+            Budget to compare with.
+        """
+        return self.unknown_pixels > 0 or self.used > other.used * (1 + _ROUNDING)
+
+    @classmethod
+    def at_start(cls, bounds: ReferenceBounds, step: float, delta_certified: float) -> Budget:
+        """Budget of an ideal sensor before its first event.
+
+        Parameters
+        ----------
+        bounds
+            What is known of the references.
+        step
+            ``h ln b``.
+        delta_certified
+            See `Budget`.
+        """
+        widths = 0.5 * np.log(bounds.upper / bounds.lower)
+        return cls(threshold=step, ignorance=float(widths.max()), delta_certified=delta_certified)
+
+    @classmethod
+    def reported(cls, values: Mapping[str, str]) -> Budget | None:
+        """Budget that a controller has reported by `figures`; None where there is none to read.
+
+        Parameters
+        ----------
+        values
+            What the controller publishes of its health.
+        """
+        try:
+            return cls(
+                threshold=float(values['h ln b']),
+                ignorance=float(values['max w']),
+                delta_certified=math.tanh(float(values['atanh(delta_certified)'])),
+                unknown_pixels=int(values['pixels unknown']),
+            )
+        except (KeyError, ValueError):
+            return None
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """All of it by name, for `/diagnostics`."""
+        return {
+            'h ln b': self.threshold,
+            'max w': self.ignorance,
+            'pixels unknown': self.unknown_pixels,
+            'atanh(delta_certified)': self.allowed,
+            'certificate': str(self),
+        }
 
     def __str__(self) -> str:
         """Return the verdict in a few words."""

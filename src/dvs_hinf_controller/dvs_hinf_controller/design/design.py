@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from dvs_hinf_controller.design.design_file import (
     read_design_file,
     write_design_file,
 )
-from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.problem import DesignProblem, unmasked
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis.methods import synthesis_method
 from dvs_hinf_controller.synthesis.options import DesignOptions
@@ -120,11 +121,11 @@ class Design:
     method
         Name of the method that found it.
     problem
-        What was asked.
+        What was asked, with all pixels.
     controller
         K on the mean of zbar.
     figures
-        What it promises.
+        What it promises with the mean over the pixels that are not masked.
     """
 
     method: str
@@ -181,23 +182,25 @@ def design_from_scenario(scenario: Scenario) -> Design:
         another problem.
     """
     problem = DesignProblem.from_scenario(scenario)
+    masked = scenario.uncertainty.pixel_mask
     if scenario.controller.method == 'file':
         if not scenario.controller.design_file:
             raise ParameterError('design_file', '', 'must be given with method: file')
-        return load_design(scenario.controller.design_file, problem)
+        return load_design(scenario.controller.design_file, problem, masked=masked)
     try:
-        return design_controller(
-            problem,
+        design = design_controller(
+            problem.of_pixels(unmasked(problem.scene.pixel_count, masked)),
             method=scenario.controller.method,
             options=DesignOptions.from_scenario(scenario),
         )
+        return dataclasses.replace(design, problem=problem)
     except np.linalg.LinAlgError as error:
         raise SynthesisError(
             Assumption.RANK, f'{error}; does every input act, and are the numbers in proportion?'
         ) from None
 
 
-def load_design(path: str | Path, problem: DesignProblem) -> Design:
+def load_design(path: str | Path, problem: DesignProblem, *, masked: Sequence[int] = ()) -> Design:
     """Design of a file, its figures measured anew for `problem`.
 
     Tolerance, base and reference bounds may differ from those that it was made for; the figures
@@ -209,6 +212,8 @@ def load_design(path: str | Path, problem: DesignProblem) -> Design:
         File written by `save_design`.
     problem
         Problem that it must have been made for.
+    masked
+        Pixels that are not used; the figures are those of the others.
 
     Raises
     ------
@@ -223,7 +228,11 @@ def load_design(path: str | Path, problem: DesignProblem) -> Design:
         method=stored.method,
         problem=problem,
         controller=stored.controller,
-        figures=measure(problem, stored.controller, seconds=stored.seconds),
+        figures=measure(
+            problem.of_pixels(unmasked(problem.scene.pixel_count, masked)),
+            stored.controller,
+            seconds=stored.seconds,
+        ),
     )
 
 

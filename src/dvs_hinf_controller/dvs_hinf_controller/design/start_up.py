@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.problem import DesignProblem
@@ -28,7 +29,7 @@ class StartUpReport:
 
 
 def start_up_report(
-    design: Design, *, event_threshold: float, sampling_period: float
+    design: Design, *, event_threshold: float, sampling_period: float, budget: Budget
 ) -> StartUpReport:
     """Summary of `design` for a loop that runs at the given threshold and period.
 
@@ -40,11 +41,13 @@ def start_up_report(
         h of the running loop.
     sampling_period
         Period of commands, s.
+    budget
+        What the loop uses at its start of the error that the design allows.
     """
     figures, problem = design.figures, design.problem
     constants = sector(problem.bounds, event_threshold=event_threshold, log_base=problem.log_base)
     rows = (
-        ('pixels r', f'{problem.scene.pixel_count}'),
+        ('pixels r', f'{figures.pixels}'),
         ('event threshold h', f'{event_threshold:.6g}'),
         ('sector bound delta_z', f'{np.max(constants.error_bound):.6g}'),
         ('||Gw1(0)||', f'{figures.dc_gain_w1:.6g}'),
@@ -54,6 +57,9 @@ def start_up_report(
         ('h* (published)', f'{figures.h_star:.6g}'),
         ('small gain, delta* ||Gw1||_inf < 1', 'yes' if figures.small_gain_ok else 'NO'),
         ('h_certified (guaranteed)', f'{figures.h_certified:.6g}'),
+        ('h ln b + max w', f'{budget.used:.6g}'),
+        ('atanh(delta_certified)', f'{budget.allowed:.6g}'),
+        ('certificate', str(budget).partition(':')[0]),
         ('controller order', f'{figures.controller_order}'),
         ('longest stable sampling period', f'{figures.max_sampling_period * 1e3:.3g} ms'),
     )

@@ -180,8 +180,8 @@ class EventController:
         """Threshold h at which events are counted now."""
         return self.references.intervals.event_threshold
 
-    def budget(self, delta_certified: float) -> Budget:
-        """What is used now of the error that a certificate allows.
+    def read_budget(self, delta_certified: float) -> Budget:
+        """What was used at most, since the last reading, of the error that a certificate allows.
 
         Parameters
         ----------
@@ -189,10 +189,9 @@ class EventController:
             Relative error of the estimate up to which the tolerance is guaranteed.
         """
         known = self.references.intervals
-        widths = known.half_widths[known.active]
         return Budget(
             threshold=known.log_thresholds,
-            ignorance=float(widths.max(initial=0.0)),
+            ignorance=known.read_widest(),
             delta_certified=delta_certified,
             unknown_pixels=known.unknown_count,
         )

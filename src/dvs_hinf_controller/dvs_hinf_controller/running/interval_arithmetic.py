@@ -14,6 +14,8 @@ from dvs_common.wire.cdr import MessageError
 LARGEST_LOGARITHM = 300.0
 # Ends of an interval that differ by rounding alone.
 ROUNDING = 1e-9
+# An interval this wide, M = 400 m, is no measurement any more.
+UNKNOWN_WIDTH = 3.0
 
 Bools = NDArray[np.bool_]
 

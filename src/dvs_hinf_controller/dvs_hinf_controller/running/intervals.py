@@ -21,6 +21,7 @@ from dvs_hinf_controller.analysis.sector import best_error, best_estimate
 from dvs_hinf_controller.running.interval_arithmetic import (
     LARGEST_LOGARITHM,
     ROUNDING,
+    UNKNOWN_WIDTH,
     Bools,
     Cut,
     Told,
@@ -32,9 +33,6 @@ from dvs_hinf_controller.running.packet_history import Passed
 from dvs_hinf_controller.running.pixel_turns import PixelTurns, kernels_for
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 from dvs_hinf_controller.running.step_bounds import StepBounds
-
-# An interval this wide, M = 400 m, is no measurement any more.
-_UNKNOWN_WIDTH = 3.0
 
 
 class ReferenceIntervals:
@@ -70,6 +68,7 @@ class ReferenceIntervals:
         self.counts: NDArray[np.int64] = np.zeros(size, np.int64)
         self.signs: NDArray[np.int8] = np.ones(size, np.int8)
         self._healthy: Bools = np.ones(size, bool)
+        self._widest = 0.0
         self._set_step(event_threshold)
         # Of a reference that may have leaked since it was set, one step is not known.
         leaked = math.exp(-self._step) if uncertainty.leak else 1.0
@@ -93,14 +92,14 @@ class ReferenceIntervals:
     # -- what is known ----------------------------------------------------------------------------
 
     @property
-    def half_widths(self) -> FloatArray:
-        """``w = 1/2 ln(M/m)``, shape (r,); infinite where nothing is known."""
-        return half_widths(self.lower, self.upper)
+    def width(self) -> float:
+        """``max w`` of the active pixels; infinite where a count may be wrong."""
+        return float(self.half_widths.max(where=self.active, initial=0.0))
 
-    @property
-    def known(self) -> Bools:
-        """Pixels whose reference is known well enough to measure by, shape (r,)."""
-        return self.half_widths <= _UNKNOWN_WIDTH
+    def read_widest(self) -> float:
+        """Largest `width` since the last reading."""
+        widest, self._widest = self._widest, self.width
+        return widest
 
     @property
     def has_lost(self) -> bool:
@@ -145,12 +144,14 @@ class ReferenceIntervals:
     def _renew(self) -> None:
         """Work out the estimates of the present intervals."""
         lower, upper = self._ends
-        usable = self.known
+        # ``w = 1/2 ln(M/m)``, infinite where nothing is known, and what is known well enough.
+        self.half_widths = half_widths(lower, upper)
+        self.known = usable = self.half_widths <= UNKNOWN_WIDTH
         if self._counted is not None:
             # Better a count that may be wrong than no estimate; it is not called certified.
             lower = np.where(usable, lower, self._counted[0])
             upper = np.where(usable, upper, self._counted[1])
-            usable = half_widths(lower, upper) <= _UNKNOWN_WIDTH
+            usable = half_widths(lower, upper) <= UNKNOWN_WIDTH
         if usable.all():
             self._first = best_estimate(lower, upper, **self._spacings)
         else:
@@ -164,6 +165,7 @@ class ReferenceIntervals:
         self.active: Bools = self._usable & self._healthy
         self.active_count = int(np.count_nonzero(self.active))
         self._all_active = self.active_count == self.active.size
+        self._widest = max(self._widest, self.width)
 
     def listen_to(self, healthy: Bools) -> None:
         """Take the mean over these pixels from now on, as far as they are known.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dvs_common.errors import ParameterError
+from dvs_hinf_controller.problem import unmasked
 
 # A contradiction outweighs this many confirmations, and so many of them mask a pixel.
 _CONTRADICTION = 8
@@ -36,15 +36,7 @@ class PixelHealth:
     """
 
     def __init__(self, pixel_count: int, masked: Sequence[int] = ()) -> None:
-        for pixel in masked:
-            if not 0 <= pixel < pixel_count:
-                raise ParameterError(
-                    'pixel_mask', pixel, f'must be a pixel of the array, 0 to {pixel_count - 1}'
-                )
-        self._given = np.zeros(pixel_count, bool)
-        self._given[list(masked)] = True
-        if self._given.all():
-            raise ParameterError('pixel_mask', list(masked), 'must leave a pixel of the array')
+        self._given = ~unmasked(pixel_count, masked)
         self._suspicion = np.zeros(pixel_count, np.int16)
         self._suspect = np.zeros(pixel_count, bool)
         self.healthy: NDArray[np.bool_] = ~self._given

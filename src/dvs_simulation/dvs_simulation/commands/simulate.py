@@ -204,6 +204,7 @@ def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
         promised=Promised.of(sampled.design),
         wall_seconds=time.perf_counter() - started,
         interrupted=False,
+        reported=[sampled.controller.read_budget(sampled.design.figures.delta_certified)],
     )
     verdict.save(output / 'result.json')
     save_figure(trace, scenario, verdict, output / 'figure.png')

@@ -5,15 +5,21 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from dvs_common.arrays import FloatArray
-from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import write_text
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design.design import Design
+from dvs_hinf_controller.problem import unmasked
+from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 from dvs_simulation.judging.measures import (
     Judgement,
     error,
@@ -35,12 +41,15 @@ class Promised:
         Published bound on h.
     h_certified
         Guaranteed bound on h for the loop that runs; infinite where any threshold will do.
+    delta_certified
+        Relative error of the estimate up to which the tolerance is guaranteed.
     slowest_pole
         Largest real part of a closed-loop pole, 1/s.
     """
 
     h_star: float
     h_certified: float
+    delta_certified: float
     slowest_pole: float
 
     @classmethod
@@ -56,6 +65,7 @@ class Promised:
         return cls(
             h_star=figures.h_star,
             h_certified=figures.h_certified,
+            delta_certified=figures.delta_certified,
             slowest_pole=figures.closed_loop_abscissa,
         )
 
@@ -105,7 +115,14 @@ class Verdict:
     h_certified
         Guaranteed bound on h for the loop that runs; None where any threshold will do.
     certified
-        Whether h is within it: the promise stood for this run.
+        Whether h is within it, and what became of the references during the run, too: the
+        promise stood for this run.
+    budget_used
+        Largest ``h ln b + max w`` of the run, as the controller reported it.
+    budget_allowed
+        ``atanh(delta_certified)``; None where any error will do.
+    certificate
+        The least favourable state of the certificate during the run, in words.
     settling
         Whether the run may only not have settled yet: the slowest pole had too little time.
     slowest_pole
@@ -132,6 +149,9 @@ class Verdict:
     h_star: float
     h_certified: float | None
     certified: bool
+    budget_used: float
+    budget_allowed: float | None
+    certificate: str
     settling: bool
     slowest_pole: float
 
@@ -190,6 +210,7 @@ class Verdict:
                 f'{self.sector_ratio_max:.6f}',
                 f'  threshold            h = {self.h:g}, h_certified = {self.certified_text} '
                 f'({promise}), h* = {self.h_star:.5f}',
+                f'  certificate          {self.certificate}',
                 f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
                 f'{self.pixels} pixels)',
                 f'  speed                {self.cycles} cycles, {self.cycles_per_second:.0f} '
@@ -208,6 +229,7 @@ def judge(
     wall_seconds: float,
     interrupted: bool,
     bounds: ReferenceBounds | None = None,
+    reported: Sequence[Budget] = (),
 ) -> Verdict:
     """Verdict on a run.
 
@@ -227,12 +249,20 @@ def judge(
         Whether the run was stopped before its end.
     bounds
         Bounds m, M of q(0); those around the first luminosity for None.
+    reported
+        What the controller reported of its budget, in any order.
     """
+    bounds = bounds or scenario.reference_bounds(trace.luminosities[0])
+    step = threshold_step(scenario.sensor.event_threshold, scenario.sensor.log_base)
+    start = Budget.at_start(bounds, step, promised.delta_certified)
+    worse = [budget for budget in reported if budget.is_worse_than(start)]
+    worst = max((start, *worse), key=lambda budget: (budget.unknown_pixels, budget.used))
+    bound = error_bounds(scenario, bounds, worst)
     errors = error(trace.states, scenario.equilibrium)
     judgement = Judgement(
         tolerance=scenario.objective.tolerance,
         limsup_error=float(errors[trace.times_s >= settled_from(trace.times_s[-1])].max()),
-        sector_ratio_max=largest(sector_ratios(trace, scenario, bounds)),
+        sector_ratio_max=largest(sector_ratios(trace, scenario, bound)),
     )
     cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
     return Verdict(
@@ -243,7 +273,7 @@ def judge(
         final_error=float(errors[-1]),
         limsup_error=judgement.limsup_error,
         sector_ratio_max=judgement.sector_ratio_max,
-        delta_z=float(_error_bound(trace, scenario, bounds).max()),
+        delta_z=float(bound.max(where=np.isfinite(bound), initial=0.0)),
         pixels=pixels,
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
@@ -255,7 +285,11 @@ def judge(
         h=scenario.sensor.event_threshold,
         h_star=promised.h_star,
         h_certified=_number(promised.h_certified),
-        certified=scenario.sensor.event_threshold <= promised.h_certified,
+        certified=scenario.sensor.event_threshold <= promised.h_certified
+        and all(budget.is_certified for budget in worse),
+        budget_used=worst.used,
+        budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
+        certificate=str(worst),
         settling=not judgement.regulated
         and _too_short(errors, judgement.tolerance, trace, promised.slowest_pole),
         slowest_pole=promised.slowest_pole,
@@ -273,9 +307,7 @@ def _too_short(errors: FloatArray, tolerance: float, trace: Trace, abscissa: flo
     return bool(errors[0] * math.exp(abscissa * waited) > tolerance)
 
 
-def sector_ratios(
-    trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None = None
-) -> FloatArray:
+def sector_ratios(trace: Trace, scenario: Scenario, error_bound: FloatArray) -> FloatArray:
     """``|z - y| / (delta_z |y|)`` at every sample and pixel, shape (K, r) (Lemma 4).
 
     Parameters
@@ -284,20 +316,37 @@ def sector_ratios(
         Signals of the run.
     scenario
         Its parameters.
-    bounds
-        Bounds m, M of q(0); those around the first luminosity for None.
+    error_bound
+        delta_z of every pixel, shape (r,); infinite for one that does not count.
     """
     return sector_ratio(
         trace.luminosities,
         trace.estimates,
-        error_bound=_error_bound(trace, scenario, bounds),
+        error_bound=error_bound,
         dead_band=silent_below(scenario),
     )
 
 
-def _error_bound(trace: Trace, scenario: Scenario, bounds: ReferenceBounds | None) -> FloatArray:
-    return sector(
-        bounds or scenario.reference_bounds(trace.luminosities[0]),
+def error_bounds(scenario: Scenario, bounds: ReferenceBounds, worst: Budget) -> FloatArray:
+    """``delta_z`` of every pixel over a whole run, shape (r,); infinite for a masked one.
+
+    That of a sensor that need not be ideal is ``tanh(h ln b + max w)`` of its worst moment: what
+    events, leakage and anchors do to its references is not known before.
+
+    Parameters
+    ----------
+    scenario
+        Parameters of the run.
+    bounds
+        What was known of the references at its start.
+    worst
+        Least favourable budget of the run.
+    """
+    bound = sector(
+        bounds,
         event_threshold=scenario.sensor.event_threshold,
         log_base=scenario.sensor.log_base,
     ).error_bound
+    if SensorUncertainty.of_scenario(scenario) != SensorUncertainty():
+        bound = np.maximum(bound, math.tanh(worst.used))
+    return np.where(unmasked(bound.size, scenario.uncertainty.pixel_mask), bound, math.inf)

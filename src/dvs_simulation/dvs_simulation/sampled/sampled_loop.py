@@ -54,10 +54,13 @@ class SampledRun:
         CDR bytes by topic, in the order of their publication.
     design
         The controller that ran.
+    controller
+        It, as the run has left it.
     """
 
     messages: dict[str, list[bytes]] = field(default_factory=dict)
     design: Design
+    controller: EventController
 
 
 def run_sampled(
@@ -90,6 +93,7 @@ def run_sampled(
     design = design_from_scenario(scenario)
     run = SampledRun(
         design=design,
+        controller=event_controller(design, scenario),
         messages={name: [] for name in _TOPICS},
     )
     linear = Plant(
@@ -99,7 +103,7 @@ def run_sampled(
     scene = scenario.scene
     sees = luminosity or partial(scene.luminosity, model)
     camera = EventCamera.of_scenario(scenario)
-    controller = event_controller(design, scenario)
+    controller = run.controller
     frames = AnchorFrames.of_scenario(scenario)
     for sample in range(scenario.sample_count + 1):
         stamp_ns = sample * scenario.sampling_period_ns

@@ -383,6 +383,12 @@ function showFigures() {
   const { ratio } = newest;
   put('value-ratio', ratio === undefined || ratio === null ? '–' : ratio.toFixed(3));
   judge('tile-ratio', ratio === undefined || ratio === null ? null : ratio <= 1 + 1e-9);
+  if (newest.certificate) {
+    const [word, budget] = newest.certificate.split(': ');
+    put('value-certificate', newest.certified ? 'holds' : 'none');
+    put('note-certificate', `${word}: ${budget}`);
+    judge('tile-certificate', newest.certified);
+  }
   put('value-events', (newest.total_events || 0).toLocaleString('en'));
   const share = newest.total_events ? (100 * newest.on_events) / newest.total_events : null;
   put('value-share', `${Math.round(newest.events_per_second)} a second, `

@@ -1,0 +1,103 @@
+"""Masked pixels leave the design and its certificate, from the start and in the midst of a run."""
+
+import dataclasses
+import time
+
+import numpy as np
+import pytest
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.design.design import (
+    design_controller,
+    design_from_scenario,
+    load_design,
+    measure,
+    save_design,
+)
+from dvs_hinf_controller.design.live_certificate import LiveCertificate
+from dvs_hinf_controller.problem import unmasked
+
+SCENARIO = Scenario.from_values({})
+PIXELS = np.array([True, False, True])
+
+
+@pytest.fixture(scope='module')
+def design():
+    return design_from_scenario(SCENARIO)
+
+
+def poor(problem):
+    """The same problem, where next to nothing is known of the reference of pixel 1."""
+    lower = np.where(PIXELS, problem.bounds.lower, problem.bounds.lower / 2)
+    bounds = ReferenceBounds(lower=lower, upper=problem.bounds.upper)
+    return dataclasses.replace(problem, bounds=bounds)
+
+
+def test_a_masked_pixel_leaves_the_worst_ratio_and_the_mean(design):
+    problem = poor(design.problem)
+    left = problem.of_pixels(PIXELS)
+
+    assert left.worst_reference_ratio > 1.5 * problem.worst_reference_ratio
+    assert left.mean_luminosity == pytest.approx(
+        design.problem.set_point_luminosity[PIXELS].mean()
+    )
+    found, all_of_them = (measure(p, design.controller) for p in (left, problem))
+    assert found.pixels == 2
+    assert found.h_star > all_of_them.h_star
+    assert found.h_certified > all_of_them.h_certified
+
+
+def test_a_design_by_itself_is_made_for_the_pixels_that_are_left(design):
+    left = design_controller(poor(design.problem).of_pixels(PIXELS))
+
+    assert left.figures.h_certified == pytest.approx(
+        measure(design.problem.of_pixels(PIXELS), left.controller).h_certified
+    )
+
+
+def test_the_mask_of_a_scenario_reaches_its_design(design, tmp_path):
+    masked = design_from_scenario(SCENARIO.replace(pixel_mask=(1,)))
+    alone = measure(masked.problem.of_pixels(PIXELS), masked.controller)
+
+    assert masked.problem.scene.pixel_count == 3
+    assert masked.figures.pixels == 2
+    assert masked.figures.delta_certified == alone.delta_certified
+    save_design(masked, tmp_path / 'design.json')
+    again = load_design(tmp_path / 'design.json', design.problem, masked=(1,))
+    assert again.figures.delta_certified == alone.delta_certified
+
+
+def test_all_pixels_are_the_problem_itself(design):
+    assert design.problem.of_pixels(np.ones(3, bool)) is design.problem
+
+
+@pytest.mark.parametrize('mask', [(3,), (0, 1, 2)])
+def test_a_mask_beyond_the_array_or_of_all_pixels_is_refused(mask):
+    with pytest.raises(ParameterError, match='pixel_mask'):
+        unmasked(3, mask)
+    with pytest.raises(ParameterError, match='pixel_mask'):
+        design_from_scenario(SCENARIO.replace(pixel_mask=mask))
+
+
+def settled(certificate, pixels):
+    deadline = time.monotonic() + 60
+    while (delta := certificate.of(pixels)) == 0.0:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    return delta
+
+
+def test_the_certificate_follows_the_pixels_that_are_used(design):
+    certificate = LiveCertificate(design)
+    everything = np.ones(3, bool)
+
+    assert certificate.of(everything) == design.figures.delta_certified
+    # Nothing is certified before it is worked out.
+    assert certificate.of(PIXELS) == 0.0
+    expected = measure(design.problem.of_pixels(PIXELS), design.controller).delta_certified
+    assert settled(certificate, PIXELS) == expected
+    assert expected != design.figures.delta_certified
+    certificate.of(everything)
+    assert settled(certificate, everything) == design.figures.delta_certified
