@@ -82,7 +82,7 @@ def worst_error(scenario: Scenario, run: LossyRun, design: Design | None = None)
         anchor = frames.take(stamp_ns, y) if frames else None
         if anchor is not None:
             controller.take_anchor(anchor)
-        for packet in exposure.packets:
+        for packet in exposure.packets if exposure else ():
             if not stamp_ns or random.random() >= run.lost:
                 controller.take(packet)
         plant.advance(period_ns, controller.command)
