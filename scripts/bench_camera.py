@@ -13,11 +13,12 @@ import json
 import platform
 import time
 from collections.abc import Callable, Sequence
-from importlib import import_module
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_peers import openeb_updater, v2e_updater
 
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
@@ -33,6 +34,15 @@ PERIOD_NS = 1_000_000
 # Pixels by which the pattern drifts from frame to frame.
 DENSE, SPARSE = 0.4, 0.04
 Frames = list[np.ndarray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peers:
+    """Clones of other simulators; None for what is not raced."""
+
+    v2e: Path | None = None
+    openeb: Path | None = None
+
 
 MODES: dict[str, dict[str, Any]] = {
     'hermite': {'interpolation': 'hermite'},
@@ -190,8 +200,8 @@ class Race:
             print(f'  {name:28s}{seconds * 1e3:9.3f} ms a frame {rate}')
 
 
-def race_modes(frames: Frames, rounds: int, v2e: Any | None) -> Race:
-    """All modes of ours, the reference and, if it is there, v2e."""
+def race_modes(frames: Frames, rounds: int, peers: Peers) -> Race:
+    """All modes of ours, the reference and what there is of others."""
     race = Race(frames)
     messages = [pack_image(k * PERIOD_NS, frame, '64FC1') for k, frame in enumerate(frames)]
     for _ in range(rounds):
@@ -202,48 +212,38 @@ def race_modes(frames: Frames, rounds: int, v2e: Any | None) -> Race:
             race.run(name, core_updater(first, backend='numba', **mode))
         race.run('ideal in NumPy', core_updater(first, backend='numpy'))
         race.run('straightforward NumPy', straightforward_updater(first))
-        if v2e is not None:
-            race.run('v2e, clean', v2e_updater(v2e, first, 'clean'))
-            race.run('v2e, noisy', v2e_updater(v2e, first, 'noisy'))
+        if peers.openeb is not None:
+            for name, in_order in (("OpenEB's kernel", False), ('OpenEB, in order', True)):
+                openeb = openeb_updater(peers.openeb, first, THRESHOLD, in_order=in_order)
+                race.run(name, openeb)
+        if peers.v2e is not None:
+            for kind in ('clean', 'noisy'):
+                race.run(f'v2e, {kind}', v2e_updater(peers.v2e, first, THRESHOLD, kind))
     return race
 
 
-def v2e_updater(module: Any, first: np.ndarray, kind: str) -> Callable[[int, np.ndarray], int]:
-    """Update function of v2e's emulator, luminosities scaled to grey levels."""
-    emulator = module.EventEmulator(
-        pos_thres=THRESHOLD, neg_thres=THRESHOLD, sigma_thres=0.0, cutoff_hz=0, leak_rate_hz=0
-    )
-    if kind == 'noisy':
-        emulator.set_dvs_params(kind)
-    emulator.generate_events(first * 50, 0.0)
-
-    def update(stamp_ns: int, frame: np.ndarray) -> int:
-        events = emulator.generate_events(frame * 50, stamp_ns * 1e-9)
-        return 0 if events is None else len(events)
-
-    return update
-
-
 def race_silent(frame: np.ndarray, count: int, rounds: int) -> dict[str, float]:
-    """Frames without an event, as floats and as 8 bits, over one pass over two frames.
+    """Frames without an event, as floats and as 8 bits, over one read of two frames of floats.
 
     Returns
     -------
     dict
-        Of the pass over the frame: time over that of adding two frames; and of 8-bit frames: speed
-        over that of the same frames as floats.
+        Of the pass over the frame: time over that of the inner product of two frames; and of
+        8-bit frames: speed over that of the same frames as floats.
     """
     grey = np.clip(np.rint(frame * 50), 1, 255)
     race = Race([grey] * count)
-    target, octets = np.empty_like(grey), grey.astype(np.uint8)
+    octets, reference = grey.astype(np.uint8), np.ones(grey.size)
+    for array in (grey, octets):
+        array.setflags(write=False)
     for _ in range(rounds):
         race.run('silent, floats', core_updater(grey, backend='numba'))
         race.run('silent, 8 bits', core_updater(octets, backend='numba'), [octets] * count)
-        race.run('add two frames', lambda _, y: 0 * np.add(y, frame, out=target).size)
+        race.run('read two frames', lambda _, y: int(np.einsum('i,i->', y.ravel(), reference) < 0))
     race.show()
     seconds = race.seconds
     return {
-        'pass': seconds['silent, floats'] / seconds['add two frames'],
+        'pass': seconds['silent, floats'] / seconds['read two frames'],
         'octets': seconds['silent, floats'] / seconds['silent, 8 bits'],
     }
 
@@ -260,42 +260,32 @@ def race_threads(frames: Frames, rounds: int) -> float:
     return race.seconds['threads: 1'] / race.seconds['threads: 2']
 
 
-def find_v2e() -> Any | None:
-    """v2e's emulator, if it is installed; PyPI does not have it."""
-    try:
-        return import_module('v2ecore.emulator')
-    except ImportError:
-        print(
-            'v2e is not installed (it is not on PyPI; '
-            'pip install git+https://github.com/SensorsINI/v2e), so it is left out'
-        )
-        return None
-
-
-def measure(quick: bool = False) -> dict[str, float]:
+def measure(quick: bool = False, peers: Peers | None = None) -> dict[str, float]:
     """Measure, print tables and return the keys of scripts/bench.sh.
 
     Parameters
     ----------
     quick
         Fewer frames.
+    peers
+        Others to race beside ours; none by default.
     """
     sizes = {
-        '346': (260, 346, 40 if quick else 200),
-        '720p': (720, 1280, 10 if quick else 30),
+        '346': (260, 346, 80 if quick else 200),
+        '720p': (720, 1280, 12 if quick else 30),
     }
     rounds = 2 if quick else 3
     print(
         f'event camera, {datetime.date.today()}, {platform.processor() or platform.machine()}, '
         f'Python {platform.python_version()}, NumPy {np.__version__}; one core, CPU seconds'
     )
-    v2e = find_v2e()
+    peers = peers or Peers()
     result: dict[str, float] = {}
     ratios, overheads = [], []
     for size, (height, width, count) in sizes.items():
         for scene, drift in (('dense', DENSE), ('sparse', SPARSE)):
             frames = drifting_pattern(height, width, count, drift)
-            race = race_modes(frames, rounds, v2e)
+            race = race_modes(frames, rounds, peers)
             print(
                 f'\n{width} x {height}, {scene}: {drift} pixels a frame, {count} frames, '
                 f'{race.events["ideal"]:.0f} events a frame'
@@ -329,8 +319,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--quick', action='store_true', help='fewer frames')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures there')
+    parser.add_argument('--v2e', type=Path, metavar='FOLDER', help='clone of SensorsINI/v2e')
+    parser.add_argument(
+        '--openeb', type=Path, metavar='FOLDER', help='clone of prophesee-ai/openeb'
+    )
     options = parser.parse_args()
-    result = measure(options.quick)
+    result = measure(options.quick, Peers(v2e=options.v2e, openeb=options.openeb))
     if options.json:
         options.json.write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
 

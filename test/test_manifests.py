@@ -41,6 +41,16 @@ KEYS = {
 WITHOUT_KEY = {'aedat', 'distributed', 'evt3', 'mcap', 'mpmath', 'zstandard'}
 # Used where they are installed; nothing fails without them.
 OPTIONAL = {'cv2', 'dvs_msgs', 'event_camera_msgs', 'hdf5plugin'}
+# Generators of messages, by which a test makes the package event_camera_msgs.
+OPTIONAL |= {
+    'rosidl_adapter',
+    'rosidl_generator_c',
+    'rosidl_generator_py',
+    'rosidl_generator_type_description',
+    'rosidl_typesupport_c',
+    'rosidl_typesupport_fastrtps_c',
+    'rosidl_typesupport_introspection_c',
+}
 PYPI_NAMES = {'PIL': 'Pillow', 'jinja2': 'Jinja2', 'yaml': 'PyYAML'}
 # A message class that is imported by its name.
 MESSAGE_TYPE = re.compile(r'\w+/msg/\w+')
