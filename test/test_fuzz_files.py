@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 from loop_support import CONFIG
 from mutations import Mutations
+from rosbags import rosbag1
+from sensor_encoders import some_events
+from test_bag_files import packets, types
 from test_fuzz import GOOD
 
 from dvs_closed_loop.bags.bag import read_bag
@@ -14,6 +17,8 @@ from dvs_closed_loop.bags.recording import BagWriter
 from dvs_common.errors import ParameterError, SuiteError
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_event_camera.files.open_recording import open_recording
+from dvs_event_camera.streams import event_packet
+from dvs_event_camera.tools import convert_events
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.design.design_file import read_design_file, write_design_file
 
@@ -114,6 +119,7 @@ RECORDINGS = {
     'events.raw': b'% evt 2.0\n% end\n' + np.arange(80, dtype='<u4').tobytes(),
     'events.bin': np.arange(400, dtype=np.uint8).tobytes()[:400],
 }
+CONVERTED = ('.txt', '.npz', '.npy', '.h5', '.aedat4')
 
 
 @pytest.mark.parametrize('name', RECORDINGS)
@@ -121,6 +127,33 @@ def test_a_mutated_recording_is_read_or_refused(name, tmp_path):
     mutations = Mutations(seed=4)
     for _ in range(200):
         read_or_refused(read_recording, tmp_path / name, mutations.of(RECORDINGS[name]))
+
+
+@pytest.fixture(scope='module')
+def converted(tmp_path_factory):
+    """The same events in a file of each format that is written."""
+    folder = tmp_path_factory.mktemp('converted')
+    source = folder / 'events.csv'
+    source.write_bytes(RECORDINGS['events.csv'])
+    for suffix in CONVERTED:
+        convert_events.main([str(source), str(folder / f'out{suffix}')])
+    with rosbag1.Writer(folder / 'out.bag') as writer:
+        kind = event_packet.MESSAGE_TYPE
+        connection = writer.add_connection('/dvs/events', kind, typestore=types(ros1=True))
+        for k, packet in enumerate(packets(some_events(500, width=64, height=48))):
+            writer.write(connection, k, types().cdr_to_ros1(packet, kind))
+    return folder
+
+
+@pytest.mark.parametrize('suffix', (*CONVERTED, '.bag'))
+def test_a_mutated_recording_of_a_structured_format_is_read_or_refused(
+    suffix, converted, tmp_path
+):
+    mutations = Mutations(seed=5)
+    whole = (converted / f'out{suffix}').read_bytes()
+    assert read_or_refused(read_recording, tmp_path / f'out{suffix}', whole)
+    for _ in range(150):
+        read_or_refused(read_recording, tmp_path / f'out{suffix}', mutations.of(whole))
 
 
 @pytest.fixture(scope='module')

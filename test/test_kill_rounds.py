@@ -128,7 +128,8 @@ class Rounds:
 
     def _exact_error_bound(self):
         _, _, values = self.health.get('hinf_controller', (None, None, {}))
-        if values.get('estimator') != 'exact':
+        certified = values.get('certificate', '').startswith('certified')
+        if values.get('estimator') != 'exact' and not certified:
             return None
         return math.tanh(float(values['h ln b']) + float(values['max w']))
 

@@ -21,6 +21,7 @@ ELSEWHERE = {
 COMMANDS = {
     'bench.py': ('--quick', '--json', 'OUTPUT/bench.json'),
     'figures_camera.py': ('--output', 'OUTPUT'),
+    'real_sensor_table.py': ('--quick', '--duration', '1', '--output', 'OUTPUT/real.png'),
     'trade_figure.py': ('--quick', '--output', 'OUTPUT/trade.png'),
 }
 BENCHMARKS = {path.name for path in SCRIPTS.glob('bench_*.py')}

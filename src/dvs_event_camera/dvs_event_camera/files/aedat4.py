@@ -59,8 +59,15 @@ def _decoder(path: Path) -> Any:
         raise ParameterError('file', path, 'needs the Python package aedat') from None
     try:
         return aedat.Decoder(path)
-    except Exception as error:
+    except BaseException as error:
+        _require_of_parser(error)
         raise ParameterError('file', path, f'is no AEDAT4 file: {error}') from None
+
+
+def _require_of_parser(error: BaseException) -> None:
+    """Raise again what is not the parser's: its panics are no `Exception`."""
+    if not isinstance(error, Exception) and type(error).__name__ != 'PanicException':
+        raise error
 
 
 def _stretches(path: Path, chosen: int) -> Iterator[Stretch]:
@@ -69,7 +76,8 @@ def _stretches(path: Path, chosen: int) -> Iterator[Stretch]:
         try:
             packet = next(packets, None)
         # The package raises whatever its parser meets.
-        except Exception as error:
+        except BaseException as error:
+            _require_of_parser(error)
             raise DamagedFile(path, f'is damaged: {error}') from None
         if packet is None:
             return

@@ -45,13 +45,15 @@ def hdf5_recording(path: Path) -> Recording:
         If it is no HDF5 file, or in none of the layouts that are known.
     """
     with _opened(path) as file:
-        layout = _layout_of(file)
+        try:
+            layout, names = _layout_of(file), sorted(file)
+            width, height = _size_of(file)
+            exact = 'ns' in file['events'] if _is_group(file, 'events') else False
+        # The library raises whatever it meets in a damaged file.
+        except Exception as error:
+            raise ParameterError('file', path, _reason(error)) from None
         if layout is None:
-            raise ParameterError(
-                'file', path, f'has none of the known layouts; it holds {sorted(file)}'
-            )
-        width, height = _size_of(file)
-        exact = 'ns' in file['events'] if _is_group(file, 'events') else False
+            raise ParameterError('file', path, f'has none of the known layouts; it holds {names}')
         seconds = layout is _event_utils_slice
     return Recording(
         path=path,
@@ -100,15 +102,15 @@ def _layout_of(file: Any) -> Slice | None:
 
 def _stretches(path: Path) -> Iterator[Stretch]:
     with _opened(path) as file:
-        layout = _layout_of(file)
-        assert layout is not None
         try:
+            layout = _layout_of(file)
+            assert layout is not None
             triggers = _triggers_of(file)
             if len(triggers):
                 yield stretch_of(no_events(triggers))
             for start in range(0, _length(file), STRETCH_EVENTS):
                 yield stretch_of(layout(file, slice(start, start + STRETCH_EVENTS)))
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
+        except Exception as error:
             raise DamagedFile(path, _reason(error)) from None
 
 

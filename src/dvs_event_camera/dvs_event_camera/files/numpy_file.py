@@ -8,7 +8,6 @@ microseconds, as the library tonic has them in memory.
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,7 +24,6 @@ from dvs_event_camera.files.trigger_file import read_triggers
 from dvs_event_camera.streams.sensor_events import NO_TRIGGERS, SensorEvents, Triggers, no_events
 
 _COLUMNS = ('x', 'y', 't', 'p')
-_DAMAGE = (OSError, ValueError, EOFError, zlib.error, zipfile.BadZipFile)
 
 
 class _Column:
@@ -70,7 +68,8 @@ def npz_recording(path: Path) -> Recording:
         with np.load(path) as archive:
             names = set(archive.files)
             size = [int(archive[name]) if name in names else 0 for name in ('width', 'height')]
-    except (*_DAMAGE, AttributeError) as error:
+    # Here and below: archives and headers are parsed by others, who raise whatever they meet.
+    except Exception as error:
         raise ParameterError('file', path, f'is no NPZ archive: {error}') from None
     if not set(_COLUMNS) <= names:
         raise ParameterError('file', path, f'lacks arrays of {_COLUMNS}; it holds {sorted(names)}')
@@ -85,12 +84,12 @@ def npz_recording(path: Path) -> Recording:
 
 
 def _stretches(path: Path, names: set[str]) -> Iterator[Stretch]:
-    triggers = _triggers_of(path, names)
-    if len(triggers):
-        yield stretch_of(no_events(triggers))
     wanted = [name for name in (*_COLUMNS, 'noise', 'ns') if name in names]
     with ExitStack() as stack:
         try:
+            triggers = _triggers_of(path, names)
+            if len(triggers):
+                yield stretch_of(no_events(triggers))
             archive = stack.enter_context(zipfile.ZipFile(path))
             columns = {
                 name: _Column(stack.enter_context(archive.open(f'{name}.npy'))) for name in wanted
@@ -100,7 +99,7 @@ def _stretches(path: Path, names: set[str]) -> Iterator[Stretch]:
                 count = min(left, STRETCH_EVENTS)
                 yield stretch_of(_events({n: c.take(count) for n, c in columns.items()}))
                 left -= count
-        except _DAMAGE as error:
+        except Exception as error:
             raise DamagedFile(path, f'is damaged: {error}') from None
 
 
@@ -144,7 +143,7 @@ def npy_recording(path: Path) -> Recording:
     try:
         with path.open('rb') as file:
             fields = _Column(file).dtype.names or ()
-    except _DAMAGE as error:
+    except Exception as error:
         raise ParameterError('file', path, f'is no NPY file of records: {error}') from None
     if not set(_COLUMNS) <= set(fields):
         raise ParameterError('file', path, f'lacks fields of {_COLUMNS}; it has {fields}')
@@ -168,7 +167,7 @@ def _records(path: Path) -> Iterator[Stretch]:
         while left:
             try:
                 records = array.take(min(left, STRETCH_EVENTS))
-            except EOFError as error:
+            except (EOFError, ValueError) as error:
                 raise DamagedFile(path, str(error)) from None
             left -= len(records)
             names = records.dtype.names or ()
