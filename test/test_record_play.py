@@ -1,6 +1,7 @@
 """Recording and replay with real processes; replayed events give the recorded commands."""
 
 import subprocess
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -184,8 +185,17 @@ def test_a_publisher_that_appears_without_latching_is_recorded(domain, tmp_path)
         recorder.adapt()
         assert tool.spin_until(lambda: recorder.newly_heard() == [stream.topic])
         assert driver.spin_until(lambda: publisher.get_subscription_count() == 1)
+        before_ns = time.time_ns()
         publisher.publish(stream.message_type())
+        after_ns = time.time_ns()
+        time.sleep(0.05)
         assert tool.spin_until(lambda: recorder.counts[stream.topic] == 1)
+
+    # Received long after it was published: the bag has both times.
+    with (tmp_path / 'bag' / 'bag.mcap').open('rb') as file:
+        ((_, _, message),) = make_reader(file).iter_messages()
+    assert before_ns <= message.publish_time <= after_ns
+    assert message.log_time - message.publish_time >= 40_000_000
 
 
 def test_streams_on_demand_are_recorded_by_name(domain, processes, tmp_path):

@@ -13,6 +13,7 @@ from rclpy.subscription import Subscription
 from dvs_closed_loop.bags.recording import BagFullError, BagWriter
 from dvs_closed_loop.bags.streams import Stream
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.node.source_time import WithSourceTime
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
@@ -83,7 +84,7 @@ class BagRecorder:
         self._subscriptions[stream] = self._node.create_subscription(
             stream.message_type,
             stream.topic,
-            self._keeper(stream),
+            WithSourceTime(self._keeper(stream)),
             qos,
             raw=True,
             event_callbacks=_NO_EVENTS,
@@ -96,16 +97,16 @@ class BagRecorder:
         except BagFullError as error:
             self.failure = error
 
-    def _keeper(self, stream: Stream) -> Callable[[bytes], None]:
+    def _keeper(self, stream: Stream) -> Callable[[bytes, int | None], None]:
         name = self._node.resolve_topic_name(stream.topic)
 
-        def keep(message: bytes) -> None:
+        def keep(message: bytes, published_ns: int | None) -> None:
             if self.failure is not None:
                 return
             # Readers of an MCAP file without an index want times that never go back.
             self._last_ns = max(self._last_ns, time.time_ns())
             try:
-                self._bag.write(name, self._last_ns, message)
+                self._bag.write(name, self._last_ns, message, published_ns=published_ns)
             except BagFullError as error:
                 self.failure = error
                 return

@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.node.source_time import WithSourceTime
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
@@ -93,20 +94,20 @@ class RunRecorder:
             topic: node.create_subscription(
                 STREAMS[topic].message_type,
                 topic,
-                self._keeper(topic),
+                WithSourceTime(self._keeper(topic)),
                 _qos(topic, mode),
                 raw=True,
             )
             for topic in RECORDED
         }
 
-    def _keeper(self, topic: str) -> Callable[[bytes], None]:
+    def _keeper(self, topic: str) -> Callable[[bytes, int | None], None]:
         messages = self.messages[topic]
 
-        def keep(message: bytes) -> None:
+        def keep(message: bytes, published_ns: int | None) -> None:
             if messages and message == messages[-1] and topic in _SENT_AGAIN:
                 return
-            self._bag.write(topic, time.time_ns(), message)
+            self._bag.write(topic, time.time_ns(), message, published_ns=published_ns)
             try:
                 events = _READ[topic](message) if topic in _READ else 0
             except MessageError as error:
