@@ -175,3 +175,17 @@ def test_a_recorded_stream_has_no_restart_and_no_loss(name):
 
     assert orders == {Order.IN_ORDER}
     assert watch.events > 0
+
+
+def test_a_drivers_message_without_events_moves_time_on():
+    bridge = PacketBridge(PixelMap())
+    events = some_events(20)
+    stamp_ns = 10**18
+    message = packet_message(mono_words(events, 0), 'mono', stamp_ns=stamp_ns, sequence=0)
+    first = bridge.take(message)[-1].stamp_ns
+    later = stamp_ns + 100_000_000
+
+    (silent,) = bridge.take(packet_message([], 'mono', stamp_ns=later, sequence=1))
+
+    assert first < silent.stamp_ns == later
+    assert len(silent.events) == 0
