@@ -53,8 +53,7 @@ case $which in
         ;;
     *)
         chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 2)" "$@"
-        # A processor for each, nearly: they live on the wall clock.
-        chosen -m 'wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 1)" "$@"
+        chosen -m 'wall_clock and not long' "${again[@]}" "$@"
         ;;
 esac
 if [ $which = long ]; then chosen -m long --timeout 0 "$@"; fi

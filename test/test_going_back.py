@@ -63,7 +63,6 @@ def test_a_lockstep_plant_that_starts_again_gets_the_same_commands(domain, proce
     assert 'time has begun anew: the estimator and K start anew' in controller
 
 
-@pytest.mark.wall_clock
 @pytest.mark.parametrize(
     ('jump_s', 'said'),
     [

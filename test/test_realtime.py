@@ -1,7 +1,6 @@
 """The plant on the wall clock, with a controller that does not wait for it."""
 
 import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from loop_support import listening, operating, ros_arguments, start, stop
 from sensor_msgs.msg import JointState
@@ -11,8 +10,6 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.messages import Vector, pack_command
 from dvs_plant_sim.plant import Plant
-
-pytestmark = pytest.mark.wall_clock
 
 PERIOD_S = 0.02
 
