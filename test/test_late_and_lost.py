@@ -194,7 +194,9 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
     stop_all(list(started.values()))
 
 
-def test_a_controller_with_a_wrong_initial_state_believes_the_sensor(domain, processes):
+def test_a_controller_with_a_wrong_initial_state_takes_the_references_of_the_sensor(
+    domain, processes
+):
     loop = ros_arguments(UNHURRIED)
     for executable in ('plant_sim', 'event_camera'):
         processes.append(start(executable, domain, loop))

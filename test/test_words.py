@@ -19,7 +19,9 @@ REPLACED = re.compile(
     somebody | anybody | nobody | whoever | strangers? |     # a subscriber, another program
     feels? | feeling |                                       # health
     no\ light\ does | while\ (?:someone|nobody)\ listens |   # not physically possible; subscribers
-    listens?\ to | worth\ listening
+    listens?\ to | worth\ listening |
+    speaks? | spoke | believes? | believed |                 # publishes, uses, assumes, takes
+    insists? | unheard | costs\ a\ word | without\ a\ word     # a line of warning
     )\b"""
 )
 TEXTS = [

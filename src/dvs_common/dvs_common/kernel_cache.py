@@ -38,7 +38,7 @@ class _FolderCache(_FunctionCache):
         )
 
     def load_overload(self, *arguments: Any) -> Any:
-        """Return a compiled overload; None, and a word, if what is there can't be read."""
+        """Return a compiled overload; None if what is there can't be read."""
         try:
             return super().load_overload(*arguments)
         except Exception as error:  # a foreign pickle raises anything
@@ -46,7 +46,7 @@ class _FolderCache(_FunctionCache):
             return None
 
     def save_overload(self, *arguments: Any) -> None:
-        """Keep a compiled overload; a word if that fails."""
+        """Keep a compiled overload; a line on stderr if that fails."""
         try:
             super().save_overload(*arguments)
         except Exception as error:

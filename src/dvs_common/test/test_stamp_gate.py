@@ -1,4 +1,4 @@
-"""One outlier among stamps is refused; a step of the clock is believed when it is certain."""
+"""One outlier among stamps is refused; a step of the clock is taken when it is certain."""
 
 import pytest
 from hypothesis import given
@@ -35,7 +35,7 @@ def test_five_samples_that_follow_each_other_are_a_step_of_the_clock(seconds, pe
         assert found == [Passage.REFUSED] * 4 + [Passage.STEPPED, Passage.NEXT]
 
 
-def test_a_partner_that_sends_the_same_sample_again_and_again_is_believed():
+def test_a_partner_that_sends_the_same_sample_again_and_again_is_taken():
     gate = StampGate()
     gate.take(60 * SECOND)
     assert passages(gate, 0, 0, 0) == [Passage.REFUSED, Passage.REFUSED, Passage.STEPPED]

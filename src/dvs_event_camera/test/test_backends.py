@@ -255,7 +255,7 @@ def test_digits_sort_as_comparisons_do(keys, first_bit):
 
 @pytest.mark.processes
 @pytest.mark.parametrize('damaged', ['*.nbi', '*.nbc', ''])
-def test_cache_of_compiled_kernels_that_is_broken_costs_a_word_and_no_result(tmp_path, damaged):
+def test_cache_of_compiled_kernels_that_is_broken_costs_one_line_and_no_result(tmp_path, damaged):
     (tmp_path / 'small.py').write_text(
         'from dvs_event_camera.pixels.kernel_cache import kernel\n\n'
         '@kernel\ndef twice(x):\n    return 2 * x\n'

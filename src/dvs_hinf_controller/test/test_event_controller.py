@@ -622,7 +622,7 @@ def test_a_number_that_goes_back_is_no_loss_but_another_sensor():
     assert found.synchrony is not Synchrony.EXACT
 
 
-def test_an_epoch_that_is_over_is_believed_again_only_if_it_insists():
+def test_an_epoch_that_is_over_is_taken_again_only_after_several_keyframes():
     found = running()
     found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(0))

@@ -1,4 +1,4 @@
-"""Messages of a run become arrays on its samples, or a word on what is missing."""
+"""Messages of a run become arrays on its samples, or a line on what is missing."""
 
 import numpy as np
 import pytest

@@ -85,7 +85,7 @@ def _parameter_files(command_line: Sequence[str]) -> list[str]:
 
 
 def _warn_of_a_file_for_others(path: str, nodes: Sequence[ManagedNode]) -> None:
-    """Warn a node that gets nothing from a file: ROS passes it over without a word."""
+    """Warn a node that gets nothing from a file: ROS passes it over without a message."""
     sections = read_parameter_file(path).sections
     for node in nodes:
         name = node.get_fully_qualified_name()

@@ -29,12 +29,12 @@ class LoopValues:
         """Values of all parameters that are given, each as a node that reads it gets it.
 
         Where nodes differ the plant counts before the camera, and the camera before the
-        controller: what happens, and not what is believed.
+        controller: what happens, and not what a node assumes.
 
         Parameters
         ----------
         first
-            Node that counts before all others: what that node believes.
+            Node that counts before all others: what that node assumes.
         """
         order = sorted(NODES, key=lambda node: node != first)
         merged: dict[str, Any] = {}

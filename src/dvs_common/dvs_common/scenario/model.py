@@ -1,6 +1,6 @@
 """The linear plant, the affine scene that its pixels see, and the set-points it can hold.
 
-Every other package speaks of the plant in these types: the simulator steps it, the controller is
+Every other package describes the plant by these types: the simulator steps it, the controller is
 designed for it and the exact hybrid automaton runs it.
 """
 

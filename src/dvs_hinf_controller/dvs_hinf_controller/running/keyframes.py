@@ -22,7 +22,7 @@ from dvs_hinf_controller.running.reference_state import (
 
 # Packets of a sensor that may arrive before the keyframe of its start does.
 _AHEAD_OF_KEYFRAME = 20
-# Epochs before this one, and how many keyframes of one must arrive before it is believed again.
+# Epochs before this one, and how many keyframes of one must arrive before it is taken again.
 _PAST_EPOCHS = 64
 _INSISTS = 3
 

@@ -78,7 +78,7 @@ def luminosities(loop: ClosedLoop, states: FloatArray) -> FloatArray:
 def sector_ratios(loop: ClosedLoop, run: Trajectory) -> FloatArray:
     """``|z - y| / (delta_z |y|)`` at the samples of a run, shape (k, r); at most 1 (Lemma 4).
 
-    Not a number inside the dead band of a `signed_log` pixel, of which Lemma 4 does not speak.
+    Not a number inside the dead band of a `signed_log` pixel, which Lemma 4 does not cover.
 
     Parameters
     ----------

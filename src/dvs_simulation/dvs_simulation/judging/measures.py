@@ -96,7 +96,7 @@ def sector_ratio(
 ) -> FloatArray:
     """``|z - y| / (delta_z |y|)``, shape (k, r): at most 1 as long as Lemma 4 holds.
 
-    Not a number within the dead band, of which Lemma 4 does not speak.
+    Not a number within the dead band, which Lemma 4 does not cover.
 
     Parameters
     ----------
