@@ -144,4 +144,5 @@ def test_an_hour_with_ten_million_events(domain, processes, tmp_path):
     print(f'{events} events; growth since a tenth of the run, MB: {grown}')
 
     assert events > 10_000_000
-    assert max(grown) < 10, grown
+    # The history of a publisher keeps 4000 packets, each place as large as its largest so far.
+    assert max(grown) < 20, grown

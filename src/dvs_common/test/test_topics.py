@@ -15,6 +15,13 @@ def test_a_listener_may_be_away_for_long_where_messages_are_small(size, depth):
 
 
 @pytest.mark.parametrize(
+    ('size', 'depth'), [(8, 100), (2_560_000, 100), (1280 * 720 * 8, 34), (10**9, 8)]
+)
+def test_what_waits_for_a_camera_that_does_not_keep_up_is_bounded(size, depth):
+    assert topics.backlog_depth(size) == depth
+
+
+@pytest.mark.parametrize(
     ('mode', 'durability'),
     [('lockstep', DurabilityPolicy.TRANSIENT_LOCAL), ('realtime', DurabilityPolicy.VOLATILE)],
 )

@@ -46,6 +46,8 @@ _STALE_S = 2.0
 _REACH_NS = 5 * NANOSECONDS
 _START_FAILED = 2
 _INT16 = np.iinfo(np.int16)
+# Of a luminosity.
+_BYTES_A_PIXEL = 8
 
 
 class EventCameraNode(ManagedNode):
@@ -83,7 +85,7 @@ class EventCameraNode(ManagedNode):
         self._image = self.advertise_on_demand(Image, topics.EVENT_IMAGE, stream)
         self._points = self.advertise_on_demand(PointCloud2, topics.EVENT_CLOUD, stream)
         self._packets = self._advertise_event_packets(stream)
-        self._listen(stream)
+        self._listen(self._frames_qos())
         for topic in (self._source, topics.EVENTS):
             self.expect_one_publisher(topic)
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
@@ -95,6 +97,10 @@ class EventCameraNode(ManagedNode):
             return topics.handshake_qos(mode)
         event_of_every_pixel = EVENT_DTYPE.itemsize * math.prod(self._scenario.pixels.pixel_grid)
         return topics.handshake_qos(mode, topics.history_depth(event_of_every_pixel))
+
+    def _frames_qos(self) -> QoSProfile:
+        pixels = math.prod(self._scenario.pixels.pixel_grid) if self.is_given('pixel_grid') else 1
+        return topics.stream_qos(topics.backlog_depth(_BYTES_A_PIXEL * pixels))
 
     def _advertise_event_packets(self, qos: QoSProfile) -> Any:
         try:

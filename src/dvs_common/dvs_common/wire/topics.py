@@ -32,6 +32,8 @@ _DEPTH = 100
 # Messages that wait in the middleware for a listener that is away, if they are small ones.
 LISTENER_DEPTH = 4000
 _HISTORY_BYTES = 64_000_000
+_BACKLOG_BYTES = 256_000_000
+_LEAST_BACKLOG = 8
 
 
 def history_depth(message_bytes: int) -> int:
@@ -51,6 +53,22 @@ def history_depth(message_bytes: int) -> int:
         Number of messages, 100 to 4000.
     """
     return max(_DEPTH, min(LISTENER_DEPTH, _HISTORY_BYTES // message_bytes))
+
+
+def backlog_depth(message_bytes: int) -> int:
+    """Depth of a subscription that may not keep up: what waits takes at most 256 MB.
+
+    Parameters
+    ----------
+    message_bytes
+        Size of a message.
+
+    Returns
+    -------
+    int
+        Number of messages, 8 to 100.
+    """
+    return max(_LEAST_BACKLOG, min(_DEPTH, _BACKLOG_BYTES // message_bytes))
 
 
 def stream_qos(depth: int = _DEPTH) -> QoSProfile:
