@@ -11,6 +11,9 @@ import pytest
 from loop_support import CONFIG, listening, start, stop, wait_for
 from rosbags.rosbag2 import Reader
 
+from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.recorded_run import examine
+
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -192,12 +195,16 @@ def test_closed_loop_can_be_stopped_while_it_starts(domain, processes, tmp_path)
     assert not [pid for pid in nodes if is_running(pid)]
 
 
-def test_closed_loop_killed_by_force_leaves_no_node(domain, processes, tmp_path):
+def test_closed_loop_killed_by_force_leaves_no_node_and_a_bag_to_its_last_second(
+    domain, processes, tmp_path
+):
     arguments = ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', str(tmp_path)]
     process = start('closed_loop', domain, [*arguments, '--duration', '1000'])
     processes.append(process)
     with listening(domain) as listener:
-        assert listener.spin_until(lambda: len(listener.streams['command']) > 3000)
+        assert listener.spin_until(lambda: len(listener.streams['command']) > 2000)
+        a_second_ago = len(listener.streams['command'])
+        listener.spin_until(lambda: False, timeout_s=1.0)
     nodes = children(process.pid)
     assert len(nodes) == 3
 
@@ -205,3 +212,11 @@ def test_closed_loop_killed_by_force_leaves_no_node(domain, processes, tmp_path)
     process.wait()
 
     assert wait_for(lambda: not any(map(is_running, nodes)))
+    bag = tmp_path / 'mirror_r3' / 'bag'
+    assert examine(read_bag(bag)).streams['command'].messages >= a_second_ago
+    # The scenario goes into a bag when it is closed.
+    report = start('dvs_closed_loop', domain, ['report', str(bag), *arguments[:2]])
+    processes.append(report)
+    output, _ = report.communicate(timeout=60)
+    assert report.returncode == 0, output
+    assert 'mirror_r3' in output

@@ -46,6 +46,7 @@ def test_anchors_hold_a_real_sensor_within_the_tolerance(changes, settled_s):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize(('changes', 'settled_s'), CASES)
 def test_anchors_hold_a_real_sensor_for_an_hour(changes, settled_s):
     assert worst(3600.0, settled_s=settled_s, **changes) < SCENARIO.objective.tolerance
