@@ -22,6 +22,7 @@ COMMANDS = {
     'bench.py': ('--quick', '--json', 'OUTPUT/bench.json'),
     'figures_camera.py': ('--output', 'OUTPUT'),
     'real_sensor_table.py': ('--quick', '--duration', '1', '--output', 'OUTPUT/real.png'),
+    'textbook_figures.py': ('--quick', '--output', 'OUTPUT'),
     'trade_figure.py': ('--quick', '--output', 'OUTPUT/trade.png'),
 }
 BENCHMARKS = {path.name for path in SCRIPTS.glob('bench_*.py')}

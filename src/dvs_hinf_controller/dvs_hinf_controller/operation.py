@@ -25,6 +25,10 @@ class Operation:
         Largest deviation from `latency` either way, s.
     disturbance_bound
         Largest disturbance of every input, shape (m,), in its unit; empty for none.
+    constant_load
+        Largest constant load on every input, shape (m,); empty for none.
+    output_disturbance
+        Largest constant error of every luminosity.
     model_uncertainty
         Largest relative error of every entry of A and B.
     interpolates
@@ -41,6 +45,8 @@ class Operation:
     latency: float = 0.0
     latency_jitter: float = 0.0
     disturbance_bound: FloatArray = field(default_factory=lambda: np.zeros(0))
+    constant_load: FloatArray = field(default_factory=lambda: np.zeros(0))
+    output_disturbance: float = 0.0
     model_uncertainty: float = 0.0
     interpolates: bool = True
 

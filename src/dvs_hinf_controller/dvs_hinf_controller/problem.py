@@ -35,6 +35,12 @@ class DesignProblem:
         eps > 0: wanted bound on ``||x - x_d||`` as time goes to infinity, in the unit of x.
     log_base
         b > 1.
+    error_weights
+        W >= 0, shape (n,): the error is ``||W (x - x_d)||``; 0 for a free state, None for all 1.
+    output_tolerance
+        Wanted bound on ``|c'(x - x_d)|`` besides; infinite for none.
+    settling_time
+        Time within which every closed-loop pole decays to 2 %, s; infinite for no constraint.
     operation
         How the loop runs and what acts on it; None for the continuous loop with nothing but the
         error of the estimate.
@@ -53,6 +59,9 @@ class DesignProblem:
     bounds: ReferenceBounds
     tolerance: float
     log_base: float
+    error_weights: FloatArray | None = None
+    output_tolerance: float = math.inf
+    settling_time: float = math.inf
     operation: Operation | None = None
     initial_state: FloatArray | None = None
 
@@ -99,11 +108,16 @@ class DesignProblem:
             bounds=scenario.model_reference_bounds,
             tolerance=scenario.objective.tolerance,
             log_base=scenario.sensor.log_base,
+            error_weights=scenario.error_weights if scenario.objective.error_weights else None,
+            output_tolerance=scenario.output_tolerance,
+            settling_time=scenario.objective.settling_time or math.inf,
             operation=Operation(
                 sampling_period=scenario.loop.sampling_period,
                 latency=scenario.promise.loop_latency,
                 latency_jitter=scenario.promise.loop_latency_jitter,
                 disturbance_bound=scenario.disturbance_bound,
+                constant_load=scenario.constant_load_bound,
+                output_disturbance=scenario.promise.output_disturbance_bound,
                 model_uncertainty=scenario.promise.model_uncertainty,
             ),
             initial_state=scenario.initial_state,
@@ -131,6 +145,23 @@ class DesignProblem:
     def continuous(self) -> DesignProblem:
         """The same problem for the continuous loop of the paper, nothing else acting on it."""
         return replace(self, operation=None)
+
+    def in_error_norm(self, states: FloatArray) -> FloatArray:
+        """``W x``, whose norm is the error.
+
+        Parameters
+        ----------
+        states
+            x, shape (n, ...).
+        """
+        if self.error_weights is None:
+            return states
+        return np.asarray((self.error_weights * states.T).T)
+
+    @property
+    def least_decay(self) -> float:
+        """Least decay rate of a closed-loop pole that settles in time, 1/s."""
+        return math.log(50) / self.settling_time
 
     @property
     def set_point_luminosity(self) -> FloatArray:

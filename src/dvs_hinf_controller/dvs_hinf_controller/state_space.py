@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -166,3 +166,16 @@ def state_response(model: PlantModel, controller: LinearController) -> StateSpac
         c=np.hstack([np.eye(n), np.zeros((n, controller.order))]),
         d=np.zeros((n, 1)),
     )
+
+
+def weighted(g: StateSpace, weights: FloatArray | None) -> StateSpace:
+    """``W G``; G itself without weights.
+
+    Parameters
+    ----------
+    g
+        G, from the mean disturbance to x.
+    weights
+        Diagonal of W, shape (n,); None for all 1.
+    """
+    return g if weights is None else replace(g, c=weights[:, None] * g.c)

@@ -29,7 +29,7 @@ def report(design, *, threshold=0.01, period=1e-4, **figures):
 
 
 def rows(text):
-    lines = text.splitlines()[1:]
+    lines = text.splitlines()[1:-2]
     return {line[2:].rsplit('  ', 1)[0].strip(): line.rsplit('  ', 1)[1] for line in lines}
 
 
@@ -81,7 +81,24 @@ def test_a_threshold_beyond_h_star_is_warned_of(design):
     warnings = report(design, threshold=design.figures.h_star * 1.001).warnings
 
     assert len(warnings) == 1
-    assert 'exceeds h* = ' in warnings[0]
+    assert 'nothing is promised' in warnings[0] and 'exceeds h* = ' in warnings[0]
+
+
+def test_a_promise_beyond_what_is_published_is_not_warned_of(design):
+    promised = design.figures.h_star * 1.1
+
+    assert (
+        report(design, threshold=design.figures.h_star * 1.01, h_certified=promised).warnings == ()
+    )
+
+
+def test_the_block_names_what_the_promise_covers_and_what_it_does_not(design):
+    text = report(design).text
+
+    assert (
+        'the promise covers: continuous loop; commands held for 1 ms; camera interpolates' in text
+    )
+    assert 'and not: noise events, lost messages' in text
 
 
 def test_a_sampling_period_beyond_the_longest_is_warned_of(design):

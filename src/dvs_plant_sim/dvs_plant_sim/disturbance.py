@@ -1,4 +1,4 @@
-"""Seeded noise on the inputs and the state of any plant."""
+"""Seeded noise on the inputs and the state of any plant, and a constant load."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dvs_plant_sim.dynamics import Dynamics
 
 
 def disturbed(plant: Dynamics, scenario: Scenario) -> Dynamics:
-    """Plant with the noise of a scenario; the plant itself if there is none.
+    """Plant with noise and load of a scenario; the plant itself if there is none.
 
     Parameters
     ----------
@@ -20,18 +20,21 @@ def disturbed(plant: Dynamics, scenario: Scenario) -> Dynamics:
     scenario
         Checked parameters.
     """
-    if not scenario.disturbance.input_disturbance and not scenario.disturbance.state_disturbance:
+    load = scenario.constant_load
+    noise = scenario.disturbance.input_disturbance, scenario.disturbance.state_disturbance
+    if not any(noise) and not np.any(load):
         return plant
     return DisturbedPlant(
         plant,
         input_disturbance=scenario.disturbance.input_disturbance,
         state_disturbance=scenario.disturbance.state_disturbance,
+        load=load,
         seed=scenario.loop.seed,
     )
 
 
 class DisturbedPlant:
-    """A plant with Gaussian noise added; without noise it is that plant to the bit.
+    """A plant with noise and a constant load added; without them it is that plant to the bit.
 
     Parameters
     ----------
@@ -41,16 +44,25 @@ class DisturbedPlant:
         Standard deviation of the noise on every input, held for a step.
     state_disturbance
         Intensity of a random walk added to every state, state/sqrt(s).
+    load
+        Constant added to every input, shape (m,).
     seed
         Seed of the noise.
     """
 
     def __init__(
-        self, plant: Dynamics, *, input_disturbance: float, state_disturbance: float, seed: int
+        self,
+        plant: Dynamics,
+        *,
+        input_disturbance: float,
+        state_disturbance: float,
+        load: FloatArray | float = 0.0,
+        seed: int,
     ) -> None:
         self._plant = plant
         self._input_disturbance = input_disturbance
         self._state_disturbance = state_disturbance
+        self._load = load
         self._generator = np.random.default_rng(seed)
 
     @property
@@ -74,6 +86,7 @@ class DisturbedPlant:
         """
         if duration_ns == 0:
             return
+        command = command + self._load
         if self._input_disturbance:
             noise = self._generator.standard_normal(command.size)
             command = command + self._input_disturbance * noise

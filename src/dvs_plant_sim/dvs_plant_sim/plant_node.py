@@ -148,7 +148,8 @@ class PlantNode(ManagedNode):
         stamp_ns
             Time of the sample, ns.
         """
-        luminosity = self.luminosity(self.plant.state)
+        disturbance = self._scenario.disturbance.output_disturbance
+        luminosity = self.luminosity(self.plant.state) + disturbance
         if not np.isfinite(luminosity).all():
             self.finish(_FAILURE, f'the state has left the range of numbers: {self.plant.state}')
             return

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dvs_common.scenario.model import PlantModel
-from dvs_plant_sim.disturbance import DisturbedPlant
+from dvs_common.scenario.scenario import Scenario
+from dvs_plant_sim.disturbance import DisturbedPlant, disturbed
 from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
 from dvs_plant_sim.plant import Plant
 
@@ -55,3 +56,11 @@ def test_noise_has_the_size_that_the_parameters_say():
 
     increments = np.diff(walk(integrator(), 20_000, state_disturbance=0.5)[:, 0])
     assert increments.std() == pytest.approx(0.5 * np.sqrt(1e-3), rel=0.03)
+
+
+def test_a_constant_load_is_added_to_every_command():
+    plant = disturbed(integrator(), Scenario.from_values({'constant_load': [0.25]}))
+
+    plant.advance(MS, np.array([1.0]))
+
+    np.testing.assert_allclose(plant.state, [1.25e-3])

@@ -46,7 +46,7 @@ def test_a_run_that_leaves_its_tolerance_says_so(tmp_path, capsys):
     code, result = simulate(tmp_path, '--event-threshold', '0.5', '--duration', '10')
     assert code == 1
     assert result['regulated'] is False
-    assert 'not regulated' in capsys.readouterr().out
+    assert 'NOT regulated' in capsys.readouterr().out
 
 
 def test_the_sampled_mode_gives_the_verdict_of_the_ros_loop(tmp_path):

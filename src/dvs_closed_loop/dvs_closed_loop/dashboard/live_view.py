@@ -67,6 +67,7 @@ class LiveView:
         self._scenario: Scenario | None = None
         self._bound: FloatArray | None = None
         self._equilibrium: Equilibrium | None = None
+        self._weights: FloatArray | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -175,6 +176,7 @@ class LiveView:
         self._equilibrium = self._bound = None
         try:
             self._equilibrium = scenario.equilibrium
+            self._weights = scenario.error_weights
             self._bound = np.asarray(
                 sector(
                     scenario.model_reference_bounds,
@@ -213,7 +215,7 @@ class LiveView:
         if held is None:
             return []
         return [
-            [self._seconds(v.stamp_ns), _shown(float(error(v.values, held)))]
+            [self._seconds(v.stamp_ns), _shown(float(error(v.values, held, self._weights)))]
             for v in states
             if v.values.shape == held.state.shape
         ]

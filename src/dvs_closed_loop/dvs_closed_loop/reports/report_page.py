@@ -74,8 +74,7 @@ def _base64(data: bytes) -> str:
 def _badge(verdict: Verdict | None) -> str:
     if verdict is None:
         return 'no verdict'
-    word = 'regulated' if verdict.regulated else 'not regulated'
-    word += ', interrupted' if verdict.interrupted else ''
+    word = verdict.word
     if not verdict.sector_held:
         word += ', sector bound violated'
     return word
@@ -113,7 +112,7 @@ def _tiles(verdict: Verdict | None) -> tuple[tuple[str, str], ...]:
         (f'{verdict.sector_ratio_max:.5f}', 'worst |z − y| / (δ_z |y|), must be ≤ 1'),
         (
             f'{verdict.h:g}',
-            f'threshold h (guaranteed up to {verdict.certified_text}, published bound h* = '
+            f'threshold h, {verdict.promise} (h_certified = {verdict.certified_text}, h* = '
             f'{verdict.h_star:.4f})',
         ),
         (

@@ -45,6 +45,12 @@ class ControllerParameters(ParameterGroup):
         nodes=(CONTROLLER,),
         interval=Interval(low=1e-6, high=10.0),
     )
+    integral_action: bool = parameter(
+        False,
+        'Whether an integrator stands before every input, so that a constant load moves neither '
+        "c'x nor, if the plant has an input for each of its equilibria, x",
+        nodes=(CONTROLLER,),
+    )
     command_limit: tuple[float, ...] = parameter(
         (),
         'Largest |u_o| of every input, 1 or m entries; empty: no limit',

@@ -96,6 +96,28 @@ class ObjectiveParameters(ParameterGroup):
         interval=POSITIVE,
         dynamic=True,
     )
+    error_weights: tuple[float, ...] = parameter(
+        (),
+        'Weight of each state in the error, n entries: ||W (x - x_d)|| must stay below tolerance; '
+        '0: the state is free; empty: all 1. A tolerance of its own for each state: '
+        '1/tolerance_i, with tolerance: 1',
+        nodes=(PLANT, CONTROLLER),
+        interval=NON_NEGATIVE,
+    )
+    output_tolerance: float = parameter(
+        0.0,
+        "Tolerance of the output besides: limsup |c'(x - x_d)| must stay below it; 0: none",
+        nodes=(PLANT, CONTROLLER),
+        unit='luminosity',
+        interval=NON_NEGATIVE,
+    )
+    settling_time: float = parameter(
+        0.0,
+        'Longest settling time: every closed-loop pole decays to 2 % within it; 0: no constraint',
+        nodes=(CONTROLLER,),
+        unit='s',
+        interval=NON_NEGATIVE,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,4 +137,16 @@ class DisturbanceParameters(ParameterGroup):
         nodes=(PLANT,),
         unit='state/sqrt(s)',
         interval=NON_NEGATIVE,
+    )
+    constant_load: tuple[float, ...] = parameter(
+        (),
+        'Constant disturbance added to every input, 0, 1 or m entries; empty: none',
+        nodes=(PLANT,),
+        unit='input',
+    )
+    output_disturbance: float = parameter(
+        0.0,
+        'Constant added to the luminosity of every pixel, of which the controller does not know',
+        nodes=(PLANT,),
+        unit='luminosity',
     )

@@ -35,6 +35,21 @@ class PromiseParameters(ParameterGroup):
         unit='input',
         interval=NON_NEGATIVE,
     )
+    constant_load_bound: tuple[float, ...] = parameter(
+        (),
+        'Largest constant load on every input, 0, 1 or m entries; empty: none. With '
+        'integral_action it costs nothing in the limit',
+        nodes=(CONTROLLER,),
+        unit='input',
+        interval=NON_NEGATIVE,
+    )
+    output_disturbance_bound: float = parameter(
+        0.0,
+        'Largest constant error of every luminosity',
+        nodes=(CONTROLLER,),
+        unit='luminosity',
+        interval=NON_NEGATIVE,
+    )
     model_uncertainty: float = parameter(
         0.0,
         'Largest relative error of every entry of state_matrix and input_matrix',

@@ -160,6 +160,50 @@ class Scenario(Parameters):
         """
         return self._per_input('disturbance_bound', absent=0.0)
 
+    @property
+    def constant_load(self) -> FloatArray:
+        """Constant disturbance of every input, shape (m,).
+
+        Raises
+        ------
+        ParameterError
+            If it has neither 0, 1 nor m entries.
+        """
+        return self._per_input('constant_load', absent=0.0)
+
+    @property
+    def constant_load_bound(self) -> FloatArray:
+        """Largest constant load per input, shape (m,), zero where there is none.
+
+        Raises
+        ------
+        ParameterError
+            If it has neither 0, 1 nor m entries.
+        """
+        return self._per_input('constant_load_bound', absent=0.0)
+
+    @property
+    def error_weights(self) -> FloatArray:
+        """Weight of each state in the error, shape (n,), 1 where none are given.
+
+        Raises
+        ------
+        ParameterError
+            If it has neither 0 nor n entries, or every state is free.
+        """
+        n = self.model.state_count
+        weights = np.array(self.objective.error_weights or (1.0,) * n)
+        if weights.size != n:
+            raise ParameterError('error_weights', weights.tolist(), f'must have 0 or {n} entries')
+        if not np.any(weights):
+            raise ParameterError('error_weights', weights.tolist(), 'must not all be 0')
+        return weights
+
+    @property
+    def output_tolerance(self) -> float:
+        """Tolerance of ``|c'(x - x_d)|``, infinite where there is none."""
+        return self.objective.output_tolerance or np.inf
+
     def _per_input(self, name: str, *, absent: float) -> FloatArray:
         m = self.model.input_count
         values = self[name] or (absent,)

@@ -164,10 +164,20 @@ class LiftedLoop:
         K.
     timing
         Period and latency.
+    weights
+        W of the error ``||W x||``, shape (n,); None for all 1.
     """
 
-    def __init__(self, model: PlantModel, controller: LinearController, timing: Timing) -> None:
+    def __init__(
+        self,
+        model: PlantModel,
+        controller: LinearController,
+        timing: Timing,
+        *,
+        weights: FloatArray | None = None,
+    ) -> None:
         self.model, self.controller, self.timing = model, controller, timing
+        self.weights = weights
         self._held = model.state_count + controller.order
         self._size = self._held + model.input_count * timing.remembered
         self._flow = self._within_a_period()
@@ -302,13 +312,20 @@ class LiftedLoop:
         return np.array(rows), current
 
     def _seen(self, state: FloatArray, newest: FloatArray, change: FloatArray) -> FloatArray:
-        """x, x'', c'x, c'x', c'x'', the newest command and its last change: rows by columns."""
+        """W x, W x'', c'x, c'x', c'x'', the newest command and its last change: rows by columns.
+
+        x and x'' follow where there are weights.
+        """
         model = self.model
         a, b, c = model.state_matrix, model.input_matrix, model.output_vector
         x, u = state[: model.state_count], state[self._held :]
         slope = a @ x + b @ u
         curve = a @ slope
-        return np.vstack([x, curve, c @ x, c @ slope, c @ curve, newest, change])
+        rest = [c @ x, c @ slope, c @ curve, newest, change]
+        if self.weights is None:
+            return np.vstack([x, curve, *rest])
+        w = self.weights[:, None]
+        return np.vstack([w * x, w * curve, *rest, x, curve])
 
     def _matrix(self, end: FloatArray) -> FloatArray:
         m, held = self.model.input_count, self._held

@@ -11,7 +11,7 @@ from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.directions import WeightedVectors, largest_integral
 from dvs_hinf_controller.analysis.flows import ContinuousFlow
 from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel
-from dvs_hinf_controller.state_space import StateSpace, balanced
+from dvs_hinf_controller.state_space import StateSpace, balanced, weighted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +21,7 @@ class PeakGains:
     Parameters
     ----------
     state
-        N_G, upper bound of ``max_v integral |v'g(t)| dt`` over unit vectors v.
+        N_G, upper bound of ``max_v integral |v'W g(t)| dt`` over unit vectors v.
     state_lower
         What a constructed direction attains, a lower bound of the same.
     output
@@ -36,7 +36,13 @@ class PeakGains:
     output_lower: float
 
 
-def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) -> PeakGains:
+def peak_gains(
+    g: StateSpace,
+    output_vector: FloatArray,
+    *,
+    weights: FloatArray | None = None,
+    rtol: float = 2e-4,
+) -> PeakGains:
     """Peak gains from w to x and to ``c'x``, never too small.
 
     Parameters
@@ -45,6 +51,8 @@ def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) 
         G, without feedthrough, from the mean disturbance to x.
     output_vector
         c, shape (n,).
+    weights
+        W of the error ``||W x||``, shape (n,); None for all 1.
     rtol
         Relative width that is aimed at, one-sided. In more than two dimensions the maximum over
         the direction is bounded by a relaxation, which may be wider.
@@ -60,7 +68,7 @@ def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) 
         return infinite
     if not np.any(g.b) or not np.any(g.c):
         return PeakGains(state=0.0, state_lower=0.0, output=0.0, output_lower=0.0)
-    kernel = impulse_response(g, output_vector, rtol=rtol / 2)
+    kernel = impulse_response(g, output_vector, weights=weights, rtol=rtol / 2)
     if kernel is None:
         return infinite
     n = len(g.c)
@@ -76,8 +84,14 @@ def peak_gains(g: StateSpace, output_vector: FloatArray, *, rtol: float = 2e-4) 
     )
 
 
-def impulse_response(g: StateSpace, output_vector: FloatArray, *, rtol: float) -> Kernel | None:
-    """Sampled response of x, and of ``c'x`` as the last output; see `sample_kernel`.
+def impulse_response(
+    g: StateSpace,
+    output_vector: FloatArray,
+    *,
+    weights: FloatArray | None = None,
+    rtol: float,
+) -> Kernel | None:
+    """Sampled response of W x, and of ``c'x`` as the last output; see `sample_kernel`.
 
     Parameters
     ----------
@@ -85,6 +99,8 @@ def impulse_response(g: StateSpace, output_vector: FloatArray, *, rtol: float) -
         G, stable, without feedthrough, one input.
     output_vector
         c, shape (n,).
+    weights
+        W, shape (n,); None for all 1.
     rtol
         Wanted bound of the errors, relative to ``integral ||g||``.
     """
@@ -93,7 +109,7 @@ def impulse_response(g: StateSpace, output_vector: FloatArray, *, rtol: float) -
         ContinuousFlow(g.a),
         starts=g.b,
         start_weights=np.ones(1),
-        outputs=np.vstack([g.c, output_vector @ g.c])[None],
+        outputs=np.vstack([weighted(g, weights).c, output_vector @ g.c])[None],
         states=len(g.c),
         rtol=rtol,
     )

@@ -12,6 +12,7 @@ from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
 from dvs_hinf_controller.analysis.peak_gain import PeakGains
 from dvs_hinf_controller.analysis.sampled_gains import Gains, SampledGains
+from dvs_hinf_controller.analysis.static_gains import StaticGains
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
@@ -28,7 +29,7 @@ class Held:
     Parameters
     ----------
     error
-        Bound of ``||x - x_d||``; infinite where the small-gain condition fails.
+        Bound of ``||W (x - x_d)||``; infinite where the small-gain condition fails.
     output
         Bound of ``|c'(x - x_d)|``.
     commands
@@ -38,6 +39,16 @@ class Held:
     error: float
     output: float
     commands: FloatArray
+
+    def meets(self, problem: DesignProblem) -> bool:
+        """Whether error and output stay within the tolerances of a problem.
+
+        Parameters
+        ----------
+        problem
+            What is asked.
+        """
+        return self.error <= problem.tolerance and self.output <= problem.output_tolerance
 
 
 class Promise:
@@ -72,18 +83,21 @@ class Promise:
         self._problem, self._operation = problem, operation
         model = problem.model
         timing = Timing(period=operation.sampling_period, latency=operation.latency)
-        loop = LiftedLoop(model, controller, timing)
+        loop = LiftedLoop(model, controller, timing, weights=problem.error_weights)
         self.is_stable = loop.is_stable
         self._kinks = timing.rest > 0 or operation.latency_jitter > 0
         if not self.is_stable:
             return
         self._gains = gains = SampledGains(loop, rtol=rtol)
         self._measurement = gains.of_measurement()
-        self._drives, self._pulses, self._inputs = [], [], []
+        self._static = StaticGains(model, controller, problem.error_weights)
+        self._drives, self._pulses, self._inputs, self._loads = [], [], [], []
         if operation.model_uncertainty > 0:
             self._drives = [gains.of_drive(row) for row in np.eye(model.state_count)]
         if np.any(operation.disturbance_bound):
             self._inputs = [gains.of_drive(column) for column in model.input_matrix.T]
+        if np.any(operation.constant_load):
+            self._loads = [gains.of_drive(column) for column in model.input_matrix.T]
         if operation.latency_jitter > 0:
             self._pulses = [
                 gains.of_pulse(column, operation.latency_jitter) for column in model.input_matrix.T
@@ -105,11 +119,13 @@ class Promise:
         if not self.is_stable:
             return nothing
         luminosity = np.abs(problem.set_point_luminosity)
+        unknown = self._operation.output_disturbance
+        luminosity, least = luminosity + unknown, luminosity.min() - unknown
         bend, outer = 0.0, self._outer(start)
         for _ in range(_ROUNDS):
             constant = float(np.mean(sector * luminosity)) + bend
             solved = self._solve(constant, float(sector.mean()), outer)
-            if solved is None or solved.output >= luminosity.min():
+            if solved is None or solved.output >= least:
                 return nothing
             grown = self._bend(solved, luminosity) * (1 + float(sector.max()))
             if grown <= bend * (1 + 1e-6):
@@ -136,12 +152,22 @@ class Promise:
         return _combined([*channels, outer], [*sizes.tolist(), 1.0])
 
     def _outer(self, start: FloatArray | None) -> Gains:
-        """What the disturbances of the inputs do, together, and the start."""
+        """What the disturbances of inputs and outputs do, together, and the start.
+
+        What is constant counts by its static gain in the limit.
+        """
         channels, sizes = [self._measurement], [0.0]
         if self._inputs:
             channels, sizes = [*channels, *self._inputs], [0.0, *self._disturbance.tolist()]
+        operation = self._operation
+        loads = operation.constant_load.tolist() if self._loads else []
         if start is not None:
-            channels, sizes = [*channels, self._gains.free(start)], [*sizes, 1.0]
+            channels = [*channels, self._gains.free(start), *self._loads]
+            sizes = [operation.output_disturbance, *sizes[1:], 1.0, *loads]
+        else:
+            settled = map(self._static.of_load, self._problem.model.input_matrix.T, loads)
+            channels = [*channels, *settled, self._static.of_measurement()]
+            sizes = [*sizes, *[1.0] * len(loads), operation.output_disturbance]
         return _combined(channels, sizes)
 
     def _answer(self, signals: Gains, share: float) -> FloatArray:
@@ -252,9 +278,7 @@ def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Hel
         Bounds by the sectors of the pixels.
     """
     ones = np.ones(problem.scene.pixel_count)
-    largest = _largest(
-        lambda level: held(math.tanh(level) * ones).error <= problem.tolerance, low=0.0
-    )
+    largest = _largest(lambda level: held(math.tanh(level) * ones).meets(problem), low=0.0)
     if math.isinf(largest):
         return math.inf if largest > 0 else 0.0
     return math.tanh(largest)
@@ -277,7 +301,7 @@ def largest_threshold(problem: DesignProblem, held: Callable[[FloatArray], Held]
 
     def holds(step: float) -> bool:
         sectors = sectors_at(problem, step / math.log(problem.log_base))
-        return held(sectors).error <= problem.tolerance
+        return held(sectors).meets(problem)
 
     return _largest(holds, low=-float(widths.max())) / math.log(problem.log_base)
 

@@ -24,7 +24,7 @@ class Gains:
     Parameters
     ----------
     error
-        Of ``||x||``.
+        Of ``||W x||``.
     states
         Of every ``|x_i|``, shape (n,).
     output
@@ -201,14 +201,15 @@ class SampledGains:
         n, m = self._states, self._loop.model.input_count
         between = self._loop.phase_spacing**2 / 8
         curves, output = rows[n : 2 * n], rows[2 * n :]
+        plain = rows if self._loop.weights is None else output[3 + 2 * m :]
         return Gains(
             error=error + between * float(np.linalg.norm(curves)),
-            states=rows[:n] + between * curves,
+            states=plain[:n] + between * plain[n : 2 * n],
             output=float(output[0] + between * output[2]),
             output_rate=float(output[1]),
             output_curve=float(output[2]),
             commands=output[3 : 3 + m],
-            changes=output[3 + m :],
+            changes=output[3 + m : 3 + 2 * m],
         )
 
     def _largest(self, kernel: Kernel) -> float:

@@ -143,6 +143,18 @@ def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
             bool(np.any(operation.disturbance_bound)),
         ),
         (
+            'constant load',
+            'constant_load',
+            operation.constant_load,
+            bool(np.any(operation.constant_load)),
+        ),
+        (
+            f'output disturbance {operation.output_disturbance:g}',
+            'output_disturbance',
+            operation.output_disturbance,
+            operation.output_disturbance > 0,
+        ),
+        (
             f'{100 * operation.model_uncertainty:g} % error of A and B',
             'model_uncertainty',
             operation.model_uncertainty,

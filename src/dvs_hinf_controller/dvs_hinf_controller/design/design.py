@@ -32,6 +32,10 @@ from dvs_hinf_controller.design.design_file import (
 )
 from dvs_hinf_controller.problem import DesignProblem, unmasked
 from dvs_hinf_controller.state_space import state_response
+from dvs_hinf_controller.synthesis.integral_action import (
+    integrated_problem,
+    with_integrators,
+)
 from dvs_hinf_controller.synthesis.methods import synthesis_method
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
@@ -54,7 +58,7 @@ class DesignFigures:
     dc_gain_w1
         ``||Gw1(0)||``.
     dc_gain_w2
-        ``||Gw2(0)||``.
+        ``||W Gw2(0)||``.
     hinf_gain_w1
         ``||Gw1||_inf``, an upper bound.
     delta_star
@@ -64,7 +68,7 @@ class DesignFigures:
     small_gain_ok
         Whether ``delta* ||Gw1||_inf < 1``.
     state_peak_gain
-        N_G, peak gain from w to ``||x||``, an upper bound.
+        N_G, peak gain from w to ``||W x||``, an upper bound.
     output_peak_gain
         N_T, peak gain from w to ``c'x``, an upper bound.
     delta_certified
@@ -157,7 +161,12 @@ def design_controller(
     """
     strategy = synthesis_method(method)
     start = time.perf_counter()
-    controller = strategy.synthesize(problem, options or DesignOptions())
+    options = options or DesignOptions()
+    if options.integral_action:
+        found = strategy.synthesize(integrated_problem(problem), options)
+        controller = with_integrators(found)
+    else:
+        controller = strategy.synthesize(problem, options)
     seconds = time.perf_counter() - start
     return Design(
         method=method,
@@ -292,7 +301,7 @@ def measure(
     Raises
     ------
     SynthesisError
-        If the closed loop is not stable.
+        If the closed loop is not stable, or settles too slowly.
     """
     g = state_response(problem.model, controller)
     abscissa = float(np.max(g.poles().real))
@@ -300,12 +309,20 @@ def measure(
         raise SynthesisError(
             Assumption.CONFIRMATION, f'a closed-loop pole has real part {abscissa:.3g}'
         )
+    if not abscissa <= -problem.least_decay:
+        raise SynthesisError(
+            Assumption.CONFIRMATION,
+            f'a closed-loop pole has real part {abscissa:.3g}, and settling_time = '
+            f'{problem.settling_time:g} s needs {-problem.least_decay:.3g}',
+        )
     c_norm = float(np.linalg.norm(problem.model.output_vector))
     norm = hinf_norm(g)
-    dc_gain = float(np.linalg.norm(g.response(np.zeros(1))[0]))
-    delta_star = published_uncertainty(problem, dc_gain_w1=c_norm * dc_gain, dc_gain_w2=dc_gain)
+    static = g.response(np.zeros(1))[0]
+    dc_gain_w1 = c_norm * float(np.linalg.norm(static))
+    dc_gain_w2 = float(np.linalg.norm(problem.in_error_norm(np.abs(static))))
+    delta_star = published_uncertainty(problem, dc_gain_w1=dc_gain_w1, dc_gain_w2=dc_gain_w2)
     mu = mu_bounds(g, problem.model.output_vector)
-    peak = peak_gains(g, problem.model.output_vector)
+    peak = peak_gains(g, problem.model.output_vector, weights=problem.error_weights)
     certification = certify(problem, controller, peak)
     return DesignFigures(
         pixels=problem.scene.pixel_count,
@@ -318,8 +335,8 @@ def measure(
         h_certified_continuous=certification.h_continuous,
         costs=certification.costs,
         gamma=math.sqrt(1 + c_norm**2) * norm.upper,
-        dc_gain_w1=c_norm * dc_gain,
-        dc_gain_w2=dc_gain,
+        dc_gain_w1=dc_gain_w1,
+        dc_gain_w2=dc_gain_w2,
         hinf_gain_w1=c_norm * norm.upper,
         delta_star=delta_star,
         h_star=event_threshold(problem, delta_star),

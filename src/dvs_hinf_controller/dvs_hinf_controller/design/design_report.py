@@ -6,10 +6,14 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+
+from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.margins import margins
 from dvs_hinf_controller.analysis.promise import Held
 from dvs_hinf_controller.design.certification import held_from
 from dvs_hinf_controller.design.design import Design, DesignFigures
+from dvs_hinf_controller.problem import DesignProblem
 
 
 def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
@@ -25,7 +29,8 @@ def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
     problem = designs[0].problem
     rows = [['', *(design.method for design in designs)]]
     columns = [_cells(design, event_threshold) for design in designs]
-    rows += [[name, *(column[name] for column in columns)] for name in columns[0]]
+    names = dict.fromkeys(name for column in columns for name in column)
+    rows += [[name, *(column.get(name, '-') for column in columns)] for name in names]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     head = (
         f'plant n = {problem.model.state_count}, m = {problem.model.input_count}; '
@@ -89,7 +94,9 @@ def _margin_rows(design: Design) -> dict[str, str]:
     }
 
 
-def promise_text(design: Design, event_threshold: float) -> str:
+def promise_text(
+    design: Design, event_threshold: float, *, command_limit: FloatArray | None = None
+) -> str:
     """What the loop that runs stays within at one threshold: for ever, and from its start on.
 
     Parameters
@@ -98,24 +105,36 @@ def promise_text(design: Design, event_threshold: float) -> str:
         Design of a problem with an operation.
     event_threshold
         h.
+    command_limit
+        Largest ``|u_o|`` of every input, shape (m,); None for no limit.
     """
     problem = design.problem
+    limit = np.full(problem.model.input_count, np.inf) if command_limit is None else command_limit
     held = held_from(problem, design.controller, event_threshold)
     lines = [
         f'{design.method}, h = {event_threshold:g}:',
-        f'  in the limit    ||x - x_d|| <= {_bound(held.error)}, {_command(held)}',
+        f'  in the limit    {_held(held, problem)}, {_command(held, limit)}',
     ]
     if problem.initial_state is not None:
         start = problem.initial_state - problem.equilibrium.state
         held = held_from(problem, design.controller, event_threshold, start=start)
-        lines.append(f'  from its start  ||x - x_d|| <= {_bound(held.error)}, {_command(held)}')
+        lines.append(f'  from its start  {_held(held, problem)}, {_command(held, limit)}')
         light = 'light stays on' if math.isfinite(held.error) else 'not proven that light stays on'
         lines.append(f'  transient       {light}')
     return '\n'.join(lines)
 
 
-def _command(held: Held) -> str:
-    return f'|u_o| <= [{", ".join(map(_bound, held.commands.tolist()))}]'
+def _held(held: Held, problem: DesignProblem) -> str:
+    error = '||x - x_d||' if problem.error_weights is None else '||W (x - x_d)||'
+    output = f", |c'(x - x_d)| <= {_bound(held.output)}"
+    return f'{error} <= {_bound(held.error)}{output if problem.output_tolerance < np.inf else ""}'
+
+
+def _command(held: Held, limit: FloatArray) -> str:
+    text = f'|u_o| <= [{", ".join(map(_bound, held.commands.tolist()))}]'
+    if np.all(held.commands <= limit):
+        return text
+    return f'{text}: may reach command_limit = {limit.tolist()}, which no promise covers'
 
 
 def _bound(value: float) -> str:

@@ -22,6 +22,7 @@ from dvs_hinf_controller.design.design import (
     save_design,
 )
 from dvs_hinf_controller.design.design_report import promise_text, report_text
+from dvs_hinf_controller.design.pareto import pareto, save_pareto
 from dvs_hinf_controller.design.start_up import darkness_warnings
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
@@ -45,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = _parser()
     options = parser.parse_args(arguments)
+    if options.pareto and (options.compare or options.json or options.output or options.figure):
+        parser.error('--pareto writes its own table and figure: give it alone')
     if options.compare and options.output:
         parser.error('--output saves one design: name its --method instead of --compare')
     try:
@@ -100,6 +103,9 @@ def _run(options: argparse.Namespace) -> None:
         scenario = scenario.replace(tolerance=options.tolerance)
     if options.threshold is not None:
         scenario = scenario.replace(event_threshold=options.threshold)
+    if options.pareto:
+        _pareto(scenario, options.pareto)
+        return
     designs = _compared(scenario) if options.compare else [design_from_scenario(scenario)]
     _print(designs, scenario, as_json=options.json, as_list=options.compare)
     if options.figure:
@@ -109,6 +115,17 @@ def _run(options: argparse.Namespace) -> None:
         path = design_path(options.output, options.params_file, designs[0].method)
         save_design(designs[0], path)
         print(f'design: {path}', file=sys.stderr)
+
+
+def _pareto(scenario: Scenario, path: Path) -> None:
+    points = []
+    print(f'{"parameter":<16} {"value":>10}  h_certified        h*')
+    for point in pareto(scenario):
+        points.append(point)
+        row = f'{point.parameter:<16} {point.value:>10.4g}  {point.h_certified:>11.5f}'
+        print(f'{row}  {point.h_star:>8.5f}', flush=True)
+    picture = save_pareto(points, path)
+    print(f'table: {path}, figure: {picture}', file=sys.stderr)
 
 
 def design_path(output: Path, params_file: str, method: str) -> Path:
@@ -158,7 +175,10 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool, as_l
         return
     print(report_text(designs, event_threshold=scenario.sensor.event_threshold))
     for design in designs:
-        print('\n' + promise_text(design, scenario.sensor.event_threshold))
+        text = promise_text(
+            design, scenario.sensor.event_threshold, command_limit=scenario.command_limit
+        )
+        print('\n' + text)
     problem: DesignProblem = designs[0].problem
     if problem.equilibrium.residual > 0:
         point = ', '.join(f'{value:.6g}' for value in problem.equilibrium.state)
@@ -207,6 +227,12 @@ def _parser() -> argparse.ArgumentParser:
         '--tolerance', type=float, metavar='EPS', help="tolerance instead of the scenario's"
     )
     parser.add_argument('--compare', action='store_true', help='all methods side by side')
+    parser.add_argument(
+        '--pareto',
+        type=Path,
+        metavar='FILE',
+        help='h against sampling period, latency and bandwidth: CSV file, and a figure beside it',
+    )
     parser.add_argument('--json', action='store_true', help='print JSON (--compare: a list)')
     parser.add_argument(
         '--output',

@@ -66,16 +66,18 @@ def start_up_report(
     width = max(len(name) for name, _ in rows)
     lines = [f'{design.method} controller, designed in {figures.seconds:.2f} s']
     lines += [f'  {name:<{width}}  {value}' for name, value in rows]
+    lines += [
+        '  the promise covers: ' + '; '.join(cost.part for cost in figures.costs),
+        '  and not: noise events, lost messages, restarts, command_limit, the transient '
+        '(docs/promise.md)',
+    ]
     warnings = []
-    if event_threshold > figures.h_star:
-        warnings.append(
-            f'event_threshold = {event_threshold:.6g} exceeds h* = {figures.h_star:.6g}: '
-            'regulation to within tolerance is not even published'
-        )
-    elif event_threshold > figures.h_certified:
+    if event_threshold > figures.h_certified:
+        beyond = event_threshold > figures.h_star
+        published = f', nor published (it exceeds h* = {figures.h_star:.6g})' if beyond else ''
         warnings.append(
             f'event_threshold = {event_threshold:.6g} exceeds h_certified = '
-            f'{figures.h_certified:.6g}: nothing is promised for the loop that runs'
+            f'{figures.h_certified:.6g}: nothing is promised for the loop that runs{published}'
         )
     if not figures.small_gain_ok:
         warnings.append(

@@ -12,6 +12,7 @@ from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.certified import synthesize_certified
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
+from dvs_hinf_controller.synthesis.settling import settled
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 
 Synthesis = Callable[[DesignProblem, DesignOptions], LinearController]
@@ -43,12 +44,16 @@ METHODS = {
         # Minimise sup_w ||G(jw)||: H-infinity synthesis (paper, section IV.A).
         SynthesisMethod(
             name='unstructured',
-            synthesize=lambda problem, options: synthesize_unstructured(problem.model, options),
+            synthesize=lambda problem, options: settled(
+                problem, lambda model: synthesize_unstructured(model, options)
+            ),
         ),
         # Minimise mu = sup_w (|T| + ||G||): the sector as it is (paper, section IV.A).
         SynthesisMethod(
             name='structured',
-            synthesize=lambda problem, options: synthesize_structured(problem.model, options),
+            synthesize=lambda problem, options: settled(
+                problem, lambda model: synthesize_structured(model, options)
+            ),
         ),
         # Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee").
         SynthesisMethod(name='certified', synthesize=synthesize_certified),

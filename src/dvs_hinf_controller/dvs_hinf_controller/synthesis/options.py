@@ -25,6 +25,9 @@ class DesignOptions:
         Intensity of the regularising noise on the state, relative to the plant's own rate: lets
         the filter Riccati equation forget the initial state.
 
+    integral_action
+        Whether an integrator stands before every input.
+
     Raises
     ------
     ParameterError
@@ -34,6 +37,7 @@ class DesignOptions:
     gamma_slack: float = 1.5e-3
     bandwidth_limit: float = 0.0
     process_noise: float = 1e-2
+    integral_action: bool = False
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -59,4 +63,5 @@ class DesignOptions:
             gamma_slack=scenario.controller.gamma_slack,
             bandwidth_limit=scenario.controller.bandwidth_limit,
             process_noise=scenario.controller.process_noise,
+            integral_action=scenario.controller.integral_action,
         )

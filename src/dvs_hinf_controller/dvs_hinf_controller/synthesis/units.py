@@ -14,6 +14,9 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.options import DesignOptions
 
+# Weight of a free state beside the least of the others: the units need one.
+_FREE = 1e-3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Units:
@@ -52,7 +55,7 @@ class Units:
 
     @classmethod
     def of_problem(cls, problem: DesignProblem) -> Units:
-        """Units in which, besides, the tolerance is 1 and so is the mean luminosity.
+        """Units in which, besides, the tolerance of each state is 1 and so is the mean luminosity.
 
         Parameters
         ----------
@@ -62,7 +65,11 @@ class Units:
         luminosity = problem.mean_luminosity
         if luminosity == 0:
             luminosity = problem.tolerance * float(np.linalg.norm(problem.model.output_vector))
-        states = np.full(problem.model.state_count, problem.tolerance)
+        weights = problem.error_weights
+        if weights is None:
+            weights = np.ones(problem.model.state_count)
+        free = _FREE * weights[weights > 0].min()
+        states = problem.tolerance / np.where(weights > 0, weights, free)
         return cls._with_states(problem.model, states, luminosity)
 
     @classmethod

@@ -20,7 +20,8 @@ from dvs_simulation import plotting
 from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
 from dvs_simulation.exact.run_figure import run_figure
 from dvs_simulation.exact.signals import judged
-from dvs_simulation.judging.measures import Judgement, error, settled_from
+from dvs_simulation.judging.measures import Judgement, error, settled_from, unsettled
+from dvs_simulation.judging.verdict import outcome_word, threshold_or_null, threshold_text
 from dvs_simulation.output_folder import output_folder
 
 # Samples of y and z that the sector is checked on; more pixels have fewer samples.
@@ -98,7 +99,12 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
         tail_start=settled_from(duration),
     )
     seconds = time.process_time() - started
-    judgement = judged(loop, trajectory, tolerance=design.problem.tolerance)
+    judgement = judged(
+        loop,
+        trajectory,
+        tolerance=design.problem.tolerance,
+        output_tolerance=design.problem.output_tolerance,
+    )
     result = exact_result(name, design, loop, trajectory, judgement, cpu_seconds=seconds)
     write_text(output / 'result.json', json.dumps(result, indent=2) + '\n')
     with plotting.in_style():
@@ -140,6 +146,14 @@ def exact_result(
         CPU time of the simulation, s.
     """
     outcome, limsup = trajectory.outcome, judgement.limsup_error
+    errors = error(trajectory.states, loop.equilibrium, loop.error_weights)
+    figures = design.figures
+    settling = not judgement.regulated and unsettled(
+        float(errors[0]),
+        judgement.tolerance,
+        slowest_pole=figures.closed_loop_abscissa,
+        waited_s=settled_from(outcome.time),
+    )
     return {
         'scenario': name,
         'mode': 'exact',
@@ -147,7 +161,7 @@ def exact_result(
         'outcome': outcome.status,
         'message': outcome.message,
         'tolerance': judgement.tolerance,
-        'final_error': float(error(trajectory.states, loop.equilibrium)[-1]),
+        'final_error': float(errors[-1]),
         'limsup_error': limsup if np.isfinite(limsup) else None,
         'sector_ratio_max': judgement.sector_ratio_max,
         'pixels': loop.pixel_count,
@@ -157,16 +171,25 @@ def exact_result(
         'cpu_seconds': cpu_seconds,
         'evaluations': trajectory.evaluations,
         'h': loop.event_threshold,
-        'h_star': design.figures.h_star,
-        'h_certified': design.figures.h_certified,
+        'h_star': figures.h_star,
+        'h_certified': threshold_or_null(figures.h_certified),
+        'certified': loop.event_threshold <= figures.h_certified,
+        'settling': settling,
+        'slowest_pole': figures.closed_loop_abscissa,
     }
 
 
 def _title(result: dict[str, Any]) -> str:
-    word = 'regulated' if result['regulated'] else 'not regulated'
+    word = outcome_word(
+        regulated=result['regulated'],
+        slowest_pole=result['slowest_pole'] if result['settling'] else None,
+        duration_s=result['simulated_seconds'],
+    )
+    promise = 'promised' if result['certified'] else 'nothing promised'
     return (
         f'{result["scenario"]}: {word}, r = {result["pixels"]}, h = {result["h"]:g} '
-        f'(h* = {result["h_star"]:.4f}), {result["events"]} events'
+        f'({promise}; h_certified = {threshold_text(result["h_certified"])}, '
+        f'h* = {result["h_star"]:.4f}), {result["events"]} events'
     )
 
 
@@ -180,8 +203,6 @@ def _summary(result: dict[str, Any], output: Path) -> str:
             f'(bound over the last third; eps = {result["tolerance"]:g})',
             f'  sector bound         worst |z - y| / (delta_z |y|) = '
             f'{result["sector_ratio_max"]:.6f}',
-            f'  thresholds           h = {result["h"]:g}, h_certified = '
-            f'{result["h_certified"]:.5f}, h* = {result["h_star"]:.5f}',
             f'  work                 {result["cpu_seconds"]:.4f} CPU s',
             f'  written              {output / "result.json"}, {output / "figure.png"}',
         )

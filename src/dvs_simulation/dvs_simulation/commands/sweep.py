@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import load_scenario
+from dvs_simulation.sweep import own_plant
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
 from dvs_simulation.sweep.cluster import Cluster, TlsFiles
 from dvs_simulation.sweep.pixels import pixels_study
@@ -37,6 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='certificate: no run below h_certified violates eps, on random plants; threshold: '
         'simulated critical h beside h* and h_certified; pixels: long-run error against r; '
         'promise: no sampled run within the promise violates eps, on random plants',
+    )
+    parser.add_argument(
+        '--params-file',
+        type=Path,
+        help='scenario of your own (threshold): random and adversarial runs of its plant',
     )
     parser.add_argument(
         '--output',
@@ -125,12 +132,19 @@ def _cluster(options: argparse.Namespace) -> Cluster:
 
 
 def _study(options: argparse.Namespace) -> Study:
+    if options.params_file and options.study != 'threshold':
+        rule = 'is for --study threshold; the other studies draw their own plants'
+        raise ParameterError('params_file', options.params_file, rule)
     runs = options.runs or _DEFAULT_RUNS[options.study]
     if options.study == 'certificate':
         return certificate_study(plants=options.plants, runs=runs, seed=options.seed)
     if options.study == 'promise':
         return promise_study(plants=options.plants, runs=runs, seed=options.seed)
     if options.study == 'threshold':
+        if options.params_file:
+            return own_plant.own_plant_study(
+                load_scenario(options.params_file), runs=runs, seed=options.seed
+            )
         return threshold_study(runs=runs, seed=options.seed)
     return pixels_study(runs=runs, seed=options.seed)
 
@@ -152,6 +166,13 @@ def _report(study: Study, rows: list[dict[str, str]]) -> int:
             'left out: a pixel went dark in the transient)'
         )
         return 1 if promised.violations else 0
+    if study.name == own_plant.NAME:
+        print('method         random   adversarial   h*       h_certified')
+        for own in own_plant.own_thresholds(rows):
+            print(
+                f'{own.method:12} {own.random:8.4f}   {own.adversarial:11.4f}   '
+                f'{own.h_star:.4f}   {own.h_certified:.4f}'
+            )
     if study.name == 'threshold':
         print('method        r   simulated   h*       h_certified')
         for line in critical_thresholds(rows):

@@ -163,8 +163,11 @@ def _modes(
     forcing = np.concatenate(
         [model.input_matrix @ controller.feedthrough, controller.input_vector]
     )
-    residual = model.state_matrix @ held.state + model.input_matrix @ held.feedforward
+    applied = held.feedforward if loop.load is None else held.feedforward + loop.load
+    residual = model.state_matrix @ held.state + model.input_matrix @ applied
     error_basis = np.ascontiguousarray(form.basis[:n])
+    if loop.error_weights is not None:
+        error_basis = loop.error_weights[:, None] * error_basis
     modal = np.zeros((layout.MODAL_ROWS, len(form.basis)))
     modal[layout.POLE, :p] = form.real_poles
     modal[layout.WEIGHT] = form.output(np.concatenate([model.output_vector, _rest(loop)]))

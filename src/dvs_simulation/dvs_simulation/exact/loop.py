@@ -44,6 +44,12 @@ class ClosedLoop:
     photoreceptor
         ``log`` for a real sensor, which needs y > 0; ``signed_log`` for the paper's example,
         where y changes its sign and the sign of the reference travels with the events.
+    load
+        Constant disturbance of every input, shape (m,); None for none.
+    output_disturbance
+        What `scene` adds to every luminosity without the controller's knowledge.
+    error_weights
+        Diagonal of W in the error ``||W (x - x_d)||``, shape (n,); None for all 1.
     dead_band
         ``signed_log`` only: the pixel is silent inside ``|y| < dead_band``.
 
@@ -65,6 +71,9 @@ class ClosedLoop:
     initial_reference: FloatArray | None = None
     photoreceptor: str = 'log'
     dead_band: float = 0.0
+    error_weights: FloatArray | None = None
+    load: FloatArray | None = None
+    output_disturbance: float = 0.0
 
     def __post_init__(self) -> None:
         """Check sizes and assumption (A1); freeze the arrays."""
@@ -96,6 +105,10 @@ class ClosedLoop:
             If the parameters do not fit together.
         """
         model, scene = scenario.model, scenario.scene
+        unknown = scenario.disturbance.output_disturbance
+        if unknown:
+            offsets = scene.brightness_offsets + unknown
+            scene = replace(scene, brightness_offsets=offsets)
         luminosity = scene.luminosity(model, scenario.initial_state)
         bounds = scenario.reference_bounds(luminosity)
         return cls(
@@ -112,6 +125,9 @@ class ClosedLoop:
             ),
             photoreceptor=scenario.sensor.photoreceptor,
             dead_band=scenario.sensor.dead_band,
+            error_weights=scenario.error_weights if scenario.objective.error_weights else None,
+            load=scenario.constant_load,
+            output_disturbance=unknown,
         )
 
     @property
@@ -130,8 +146,9 @@ class ClosedLoop:
         return self.scene.luminosity(self.model, self.initial_state)
 
     def set_point_luminosity(self) -> FloatArray:
-        """``D_i = c'(x_d + dx_i)``, shape (r,): what the pixels see at the set-point."""
-        return self.scene.luminosity(self.model, self.equilibrium.state)
+        """``D_i = c'(x_d + dx_i)``, shape (r,): what the pixels should see at the set-point."""
+        seen = self.scene.luminosity(self.model, self.equilibrium.state)
+        return seen - self.output_disturbance
 
     def sector(self) -> Sector:
         """Constants of the estimator (Lemmas 1 and 4)."""

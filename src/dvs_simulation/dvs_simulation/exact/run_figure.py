@@ -34,7 +34,7 @@ def run_figure(loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: st
     figure, axes = plotting.new_figure(11, 11.4, rows=3, columns=2)
     figure.suptitle(title)
     times = run.sample_time
-    errors = error(run.states, loop.equilibrium)
+    errors = error(run.states, loop.equilibrium, loop.error_weights)
     axes[0, 0].semilogy(times, np.maximum(errors, 1e-12), color=plotting.BLUE, lw=1.2)
     plotting.draw_tolerance(axes[0, 0], tolerance)
     axes[0, 0].set(xlabel='time t [s]', ylabel=r'$\|x - x_d\|$ [unit of x]', title='Error')

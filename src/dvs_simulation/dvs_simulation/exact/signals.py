@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import threshold_step
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.exact.trajectory import Trajectory
-from dvs_simulation.judging.measures import Judgement, largest, sector_ratio
+from dvs_simulation.judging.measures import Judgement, largest, output_error, sector_ratio
 
 
 def counts_at(
@@ -95,7 +97,9 @@ def sector_ratios(loop: ClosedLoop, run: Trajectory) -> FloatArray:
     )
 
 
-def judged(loop: ClosedLoop, run: Trajectory, *, tolerance: float) -> Judgement:
+def judged(
+    loop: ClosedLoop, run: Trajectory, *, tolerance: float, output_tolerance: float = math.inf
+) -> Judgement:
     """What decides on a run with samples and a tail; its error is bounded at every instant.
 
     Parameters
@@ -106,9 +110,15 @@ def judged(loop: ClosedLoop, run: Trajectory, *, tolerance: float) -> Judgement:
         What came out.
     tolerance
         eps.
+    output_tolerance
+        Tolerance of ``|c'(x - x_d)|``, which is looked at in the samples of the tail.
     """
+    settled = run.states[run.sample_time >= (run.tail.start if run.tail else 0.0)]
+    outputs = output_error(settled, loop.equilibrium, loop.model.output_vector)
     return Judgement(
         tolerance=tolerance,
         limsup_error=run.limsup_bound,
+        output_tolerance=output_tolerance,
+        limsup_output=float(outputs.max(initial=0.0)),
         sector_ratio_max=largest(sector_ratios(loop, run)),
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dvs_common.arrays import FloatArray
 from dvs_common.drawing import Axes, Figure, MaxNLocator, drawing
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import whole_file
@@ -44,10 +45,9 @@ def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
     axes = figure.subplots(3, 2)
     for panel, draw in zip(axes.flat, PANELS.values(), strict=True):
         draw(panel, trace, scenario, verdict)
-    word = 'regulated' if verdict.regulated else 'not regulated'
     figure.suptitle(
-        f'{verdict.scenario}: {word}, r = {verdict.pixels}, h = {verdict.h:g} '
-        f'(h_certified = {verdict.certified_text}, h* = {verdict.h_star:.4f}), '
+        f'{verdict.scenario}: {verdict.word}, r = {verdict.pixels}, h = {verdict.h:g} '
+        f'({verdict.promise}; h_certified = {verdict.certified_text}, h* = {verdict.h_star:.4f}), '
         f'{verdict.events} events'
     )
     return figure
@@ -91,14 +91,16 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
 
 
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
-    errors = error(trace.states, scenario.equilibrium)
+    errors = error(trace.states, scenario.equilibrium, scenario.error_weights)
     axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
     if np.any(errors > 0):
         axes.set_yscale('log')
     axes.axhline(
         scenario.objective.tolerance, color=VERMILION, ls='--', lw=1, label='tolerance eps'
     )
-    axes.set(xlabel='time [s]', ylabel='error ||x - x_d|| [state units]', title='Error')
+    weighted = bool(scenario.objective.error_weights)
+    label = 'error ||W (x - x_d)||' if weighted else 'error ||x - x_d|| [state units]'
+    axes.set(xlabel='time [s]', ylabel=label, title='Error')
     axes.legend(loc='upper right', frameon=False)
     axes.grid(alpha=0.3, which='both')
 
@@ -116,11 +118,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
         return
     axes.plot(trace.states[:, 0], trace.states[:, 1], color=BLUE, lw=0.9)
     axes.plot(*trace.states[0, :2], 'o', color=GREEN, ms=6, label='start x0')
-    angle = np.linspace(0, 2 * np.pi, 200)
-    circle = scenario.objective.tolerance * np.array([np.cos(angle), np.sin(angle)])
-    axes.plot(
-        centre[0] + circle[0], centre[1] + circle[1], '--', color=VERMILION, lw=1, label='eps ball'
-    )
+    _draw_tolerance(axes, centre, scenario)
     axes.plot(*centre[:2], '+', color=VERMILION, ms=9, label='set-point x_d')
     axes.set(
         xlabel='x1 [state units]',
@@ -130,6 +128,20 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend(loc='best', frameon=False)
     axes.grid(alpha=0.3)
+
+
+def _draw_tolerance(axes: Axes, centre: FloatArray, scenario: Scenario) -> None:
+    """Where the first two states are within the tolerance: an ellipse, a strip, or everywhere."""
+    weights, eps = scenario.error_weights[:2], scenario.objective.tolerance
+    if np.all(weights > 0):
+        angle = np.linspace(0, 2 * np.pi, 200)
+        edge = eps / weights[:, None] * np.array([np.cos(angle), np.sin(angle)])
+        axes.plot(*(centre[:2, None] + edge), '--', color=VERMILION, lw=1, label='eps ball')
+        return
+    for draw, middle, weight in zip((axes.axvline, axes.axhline), centre, weights, strict=False):
+        if weight > 0:
+            draw(middle - eps / weight, ls='--', color=VERMILION, lw=1, label='-+ eps')
+            draw(middle + eps / weight, ls='--', color=VERMILION, lw=1)
 
 
 def _draw_events(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:

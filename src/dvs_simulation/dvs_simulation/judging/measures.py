@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,16 +30,24 @@ class Judgement:
         Largest error of the settled part of the run, or a bound on it.
     sector_ratio_max
         Largest sector ratio of the run.
+    output_tolerance
+        Tolerance of ``|c'(x - x_d)|``; infinite for none.
+    limsup_output
+        Largest ``|c'(x - x_d)|`` of the settled part of the run.
     """
 
     tolerance: float
     limsup_error: float
     sector_ratio_max: float
+    output_tolerance: float = math.inf
+    limsup_output: float = 0.0
 
     @property
     def regulated(self) -> bool:
-        """Whether the error stayed below the tolerance."""
-        return regulated(self.limsup_error, self.tolerance)
+        """Whether error and output stayed below their tolerances."""
+        return regulated(self.limsup_error, self.tolerance) and regulated(
+            self.limsup_output, self.output_tolerance
+        )
 
     @property
     def sector_held(self) -> bool:
@@ -75,8 +84,29 @@ def settled_from(duration_s: float) -> float:
     return duration_s * _SETTLED
 
 
-def error(states: FloatArray, equilibrium: Equilibrium) -> FloatArray:
-    """``||x - x_d||`` of every state, shape (k,), in the unit of x.
+def unsettled(
+    first_error: float, tolerance: float, *, slowest_pole: float, waited_s: float
+) -> bool:
+    """Whether the slowest mode alone keeps the start above the tolerance for so long.
+
+    Parameters
+    ----------
+    first_error
+        Error at the start.
+    tolerance
+        eps.
+    slowest_pole
+        Largest real part of a closed-loop pole, 1/s.
+    waited_s
+        Time until the run counts as settled, s.
+    """
+    return first_error * math.exp(slowest_pole * waited_s) > tolerance
+
+
+def error(
+    states: FloatArray, equilibrium: Equilibrium, weights: FloatArray | None = None
+) -> FloatArray:
+    """``||W (x - x_d)||`` of every state, shape (k,).
 
     x_d is the equilibrium that the controller regulates to, not `set_point` as it was written:
     that need not be a point that the plant can hold (paper, below eq. 2).
@@ -87,8 +117,28 @@ def error(states: FloatArray, equilibrium: Equilibrium) -> FloatArray:
         x, shape (k, n).
     equilibrium
         x_d.
+    weights
+        Diagonal of W, shape (n,); None for all 1.
     """
-    return np.asarray(np.linalg.norm(states - equilibrium.state, axis=-1))
+    missed = states - equilibrium.state
+    return np.asarray(np.linalg.norm(missed if weights is None else missed * weights, axis=-1))
+
+
+def output_error(
+    states: FloatArray, equilibrium: Equilibrium, output_vector: FloatArray
+) -> FloatArray:
+    """``|c'(x - x_d)|`` of every state, shape (k,), in the unit of y.
+
+    Parameters
+    ----------
+    states
+        x, shape (k, n).
+    equilibrium
+        x_d.
+    output_vector
+        c, shape (n,).
+    """
+    return np.asarray(np.abs((states - equilibrium.state) @ output_vector))
 
 
 def sector_ratio(

@@ -24,9 +24,11 @@ from dvs_simulation.judging.measures import (
     Judgement,
     error,
     largest,
+    output_error,
     sector_ratio,
     settled_from,
     silent_below,
+    unsettled,
 )
 from dvs_simulation.judging.trace import Trace
 
@@ -79,15 +81,19 @@ class Verdict:
     scenario
         Name of the scenario.
     regulated
-        Whether `limsup_error` is below `tolerance`.
+        Whether `limsup_error` is below `tolerance`, and `limsup_output` below `output_tolerance`.
     interrupted
         Whether the run was stopped before its end.
     tolerance
         eps.
     final_error
-        ``||x - x_d||`` at the last sample, x_d being the equilibrium that is regulated to.
+        ``||W (x - x_d)||`` at the last sample, x_d being the equilibrium that is regulated to.
     limsup_error
-        Largest ``||x - x_d||`` over the last third of the run.
+        Largest ``||W (x - x_d)||`` over the last third of the run.
+    limsup_output
+        Largest ``|c'(x - x_d)|`` over the last third of the run.
+    output_tolerance
+        Tolerance of it; None for none.
     sector_ratio_max
         Largest ``|z - y| / (delta_z |y|)`` over all pixels and samples outside the dead band.
     delta_z
@@ -114,9 +120,11 @@ class Verdict:
         Published bound on h for the controller that ran.
     h_certified
         Guaranteed bound on h for the loop that runs; None where any threshold will do.
+    saturated_cycles
+        Number of commands at `command_limit`.
     certified
-        Whether h is within it, and what became of the references during the run, too: the
-        promise stood for this run.
+        Whether h is within it, and what became of the references during the run, too, and no
+        command was at its limit: the promise stood for this run.
     budget_used
         Largest ``h ln b + max w`` of the run, as the controller reported it.
     budget_allowed
@@ -135,6 +143,8 @@ class Verdict:
     tolerance: float
     final_error: float
     limsup_error: float
+    limsup_output: float
+    output_tolerance: float | None
     sector_ratio_max: float
     delta_z: float
     pixels: int
@@ -148,6 +158,7 @@ class Verdict:
     h: float
     h_star: float
     h_certified: float | None
+    saturated_cycles: int
     certified: bool
     budget_used: float
     budget_allowed: float | None
@@ -171,12 +182,33 @@ class Verdict:
             tolerance=self.tolerance,
             limsup_error=self.limsup_error,
             sector_ratio_max=self.sector_ratio_max,
+            limsup_output=self.limsup_output,
+            output_tolerance=math.inf if self.output_tolerance is None else self.output_tolerance,
         )
+
+    @property
+    def word(self) -> str:
+        """What became of the run, in a few words."""
+        word = outcome_word(
+            regulated=self.regulated,
+            slowest_pole=self.slowest_pole if self.settling else None,
+            duration_s=self.simulated_seconds,
+        )
+        return word + (' (interrupted)' if self.interrupted else '')
+
+    @property
+    def promise(self) -> str:
+        """Whether a promise stood for the run, and if not why."""
+        if self.certified:
+            return 'promised'
+        if self.saturated_cycles:
+            return 'nothing promised: the command was at its limit'
+        return 'nothing promised'
 
     @property
     def certified_text(self) -> str:
         """h_certified in words."""
-        return 'any' if self.h_certified is None else f'{self.h_certified:.5f}'
+        return threshold_text(self.h_certified)
 
     def save(self, path: Path) -> None:
         """Write `result.json`.
@@ -190,26 +222,19 @@ class Verdict:
 
     def __str__(self) -> str:
         """Return the verdict as a few readable lines."""
-        word = 'regulated' if self.regulated else 'NOT regulated'
-        if self.settling:
-            word = (
-                f'did not settle yet: slowest pole {self.slowest_pole:.3g} 1/s, duration '
-                f'{self.simulated_seconds:g} s'
-            )
-        word += ' (interrupted)' if self.interrupted else ''
-        promise = 'promised' if self.certified else 'nothing promised'
         held = 'held' if self.sector_held else 'VIOLATED'
         skipped = f', {self.samples_skipped} samples skipped' if self.samples_skipped else ''
         return '\n'.join(
             (
-                f'{self.scenario}: {word}',
+                f'{self.scenario}: {self.word}',
                 f'  limsup ||x - x_d||   {self.limsup_error:.6f}   (last third; eps = '
                 f'{self.tolerance:g})',
                 f'  final  ||x - x_d||   {self.final_error:.6f}',
+                *self._optional_lines(),
                 f'  sector bound         {held}, worst |z - y| / (delta_z |y|) = '
                 f'{self.sector_ratio_max:.6f}',
                 f'  threshold            h = {self.h:g}, h_certified = {self.certified_text} '
-                f'({promise}), h* = {self.h_star:.5f}',
+                f'({self.promise}), h* = {self.h_star:.5f}',
                 f'  certificate          {self.certificate}',
                 f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
                 f'{self.pixels} pixels)',
@@ -218,6 +243,20 @@ class Verdict:
                 f'time{skipped}',
             )
         )
+
+    def _optional_lines(self) -> list[str]:
+        lines = []
+        if self.output_tolerance is not None:
+            lines.append(
+                f"  limsup |c'(x - x_d)| {self.limsup_output:.6f}   (output_tolerance = "
+                f'{self.output_tolerance:g})'
+            )
+        if self.saturated_cycles:
+            lines.append(
+                f'  command              at command_limit in {self.saturated_cycles} of '
+                f'{self.cycles} cycles'
+            )
+        return lines
 
 
 def judge(
@@ -258,11 +297,17 @@ def judge(
     worse = [budget for budget in reported if budget.is_worse_than(start)]
     worst = max((start, *worse), key=lambda budget: (budget.unknown_pixels, budget.used))
     bound = error_bounds(scenario, bounds, worst)
-    errors = error(trace.states, scenario.equilibrium)
+    held = scenario.equilibrium
+    errors = error(trace.states, held, scenario.error_weights)
+    outputs = output_error(trace.states, held, scenario.model.output_vector)
+    settled = trace.times_s >= settled_from(trace.times_s[-1])
+    saturated = np.any(np.abs(trace.commands) >= scenario.command_limit, axis=1)
     judgement = Judgement(
         tolerance=scenario.objective.tolerance,
-        limsup_error=float(errors[trace.times_s >= settled_from(trace.times_s[-1])].max()),
+        limsup_error=float(errors[settled].max()),
         sector_ratio_max=largest(sector_ratios(trace, scenario, bound)),
+        output_tolerance=scenario.output_tolerance,
+        limsup_output=float(outputs[settled].max()),
     )
     cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
     return Verdict(
@@ -272,6 +317,8 @@ def judge(
         tolerance=judgement.tolerance,
         final_error=float(errors[-1]),
         limsup_error=judgement.limsup_error,
+        limsup_output=judgement.limsup_output,
+        output_tolerance=scenario.objective.output_tolerance or None,
         sector_ratio_max=judgement.sector_ratio_max,
         delta_z=float(bound.max(where=np.isfinite(bound), initial=0.0)),
         pixels=pixels,
@@ -284,27 +331,64 @@ def judge(
         simulated_seconds=float(trace.times_s[-1]),
         h=scenario.sensor.event_threshold,
         h_star=promised.h_star,
-        h_certified=_number(promised.h_certified),
+        h_certified=threshold_or_null(promised.h_certified),
+        saturated_cycles=int(saturated.sum()),
         certified=scenario.sensor.event_threshold <= promised.h_certified
-        and all(budget.is_certified for budget in worse),
+        and all(budget.is_certified for budget in worse)
+        and not saturated.any(),
         budget_used=worst.used,
         budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
         certificate=str(worst),
         settling=not judgement.regulated
-        and _too_short(errors, judgement.tolerance, trace, promised.slowest_pole),
+        and unsettled(
+            float(errors[0]),
+            judgement.tolerance,
+            slowest_pole=promised.slowest_pole,
+            waited_s=settled_from(trace.times_s[-1]) - trace.times_s[0],
+        ),
         slowest_pole=promised.slowest_pole,
     )
 
 
-def _number(h_certified: float) -> float | None:
-    """None for any threshold; a threshold below zero is none at all."""
+def outcome_word(*, regulated: bool, slowest_pole: float | None, duration_s: float) -> str:
+    """What became of a run: regulated, not settled yet, or outside its tolerance.
+
+    Parameters
+    ----------
+    regulated
+        Whether it stayed within its tolerances.
+    slowest_pole
+        Largest real part of a closed-loop pole if that may be why it did not, 1/s; else None.
+    duration_s
+        Length of the run, s.
+    """
+    if regulated:
+        return 'regulated'
+    if slowest_pole is None:
+        return 'NOT regulated: left eps'
+    return f'did not settle yet: slowest pole {slowest_pole:.3g} 1/s, duration {duration_s:g} s'
+
+
+def threshold_or_null(h_certified: float) -> float | None:
+    """None for any threshold; a threshold below zero is none at all.
+
+    Parameters
+    ----------
+    h_certified
+        As designed.
+    """
     return None if h_certified == math.inf else max(h_certified, -1.0)
 
 
-def _too_short(errors: FloatArray, tolerance: float, trace: Trace, abscissa: float) -> bool:
-    """Whether the slowest mode alone keeps the start above the tolerance in the settled part."""
-    waited = settled_from(trace.times_s[-1]) - trace.times_s[0]
-    return bool(errors[0] * math.exp(abscissa * waited) > tolerance)
+def threshold_text(h_certified: float | None) -> str:
+    """h_certified of `threshold_or_null` in words.
+
+    Parameters
+    ----------
+    h_certified
+        None for any threshold.
+    """
+    return 'any' if h_certified is None else f'{h_certified:.5f}'
 
 
 def sector_ratios(trace: Trace, scenario: Scenario, error_bound: FloatArray) -> FloatArray:

@@ -102,13 +102,14 @@ def run_sampled(
     moving = disturbed(plant or linear, scenario)
     scene = scenario.scene
     sees = luminosity or partial(scene.luminosity, model)
+    unknown = scenario.disturbance.output_disturbance
     camera = EventCamera.of_scenario(scenario)
     controller = run.controller
     frames = AnchorFrames.of_scenario(scenario)
     for sample in range(scenario.sample_count + 1):
         stamp_ns = sample * scenario.sampling_period_ns
         state = moving.state
-        image = _publish_sample(run, scenario, scene, state, sees(state), stamp_ns)
+        image = _publish_sample(run, scenario, scene, state, sees(state) + unknown, stamp_ns)
         packets = _expose(run, camera, image)
         _tell(controller, camera, frames, image, is_first=not sample)
         command = _command(run, controller, packets)

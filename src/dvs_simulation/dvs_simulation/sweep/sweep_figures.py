@@ -9,6 +9,7 @@ import numpy as np
 from dvs_common.drawing import Figure
 from dvs_simulation import plotting
 from dvs_simulation.sweep.certificate import summarize_certificate
+from dvs_simulation.sweep.own_plant import NAME, own_thresholds
 from dvs_simulation.sweep.threshold import critical_thresholds
 
 Rows = list[dict[str, str]]
@@ -31,6 +32,7 @@ def save_study_figure(name: str, rows: Rows, path: Path) -> None:
         'threshold': threshold_figure,
         'pixels': pixels_figure,
         'promise': promise_figure,
+        NAME: own_plant_figure,
     }
     with plotting.in_style():
         plotting.save_figure(draw[name](rows), path, dpi=160)
@@ -130,6 +132,38 @@ def threshold_figure(rows: Rows) -> Figure:
         title='Where the loop really leaves its tolerance',
     )
     axes.legend(loc='upper left', ncols=3)
+    return figure
+
+
+def own_plant_figure(rows: Rows) -> Figure:
+    """Worst limsup of random and adversarial runs against h, beside the two bounds.
+
+    Parameters
+    ----------
+    rows
+        Rows of the study of a user's own plant.
+    """
+    lines = own_thresholds(rows)
+    figure = Figure(figsize=(4 * len(lines) + 1, 4), layout='constrained')
+    panels = figure.subplots(1, len(lines), squeeze=False)[0]
+    for axes, line in zip(panels, lines, strict=True):
+        for kind, colour, marker in (
+            ('random', plotting.BLUE, 'o'),
+            ('adversarial', plotting.VERMILION, 'x'),
+        ):
+            mine = [row for row in rows if (row['method'], row['kind']) == (line.method, kind)]
+            worst = np.array([float(row['limsup']) / float(row['tolerance']) for row in mine])
+            axes.plot([float(row['h']) for row in mine], worst, marker, color=colour, label=kind)
+        axes.axhline(1.0, color=plotting.BLACK, ls='--', lw=1, label='tolerance')
+        for h, colour, label in (
+            (line.h_certified, plotting.GREEN, 'h_certified'),
+            (line.h_star, plotting.GREY, 'h*'),
+        ):
+            if 0 < h < np.inf:
+                axes.axvline(h, color=colour, lw=1.5, label=f'{label} = {h:.3g}')
+        axes.set(xlabel='event threshold h [log_b units]', ylim=(0, 2), title=line.method)
+        axes.legend(fontsize=8)
+    panels[0].set(ylabel='worst limsup ||x - x_d|| / eps')
     return figure
 
 

@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""Runs the textbook plants and draws them: docs/figures/textbook_*.png."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+root = Path(__file__).resolve().parent.parent
+sys.path[:0] = [
+    str(root / 'src' / name)
+    for name in (
+        'dvs_common',
+        'dvs_plant_sim',
+        'dvs_event_camera',
+        'dvs_hinf_controller',
+        'dvs_simulation',
+    )
+]
+
+from dvs_common.scenario.scenario import load_scenario  # noqa: E402
+from dvs_simulation.judging.figure import save_figure  # noqa: E402
+from dvs_simulation.judging.trace import decode_trace  # noqa: E402
+from dvs_simulation.judging.verdict import Promised, judge  # noqa: E402
+from dvs_simulation.sampled.sampled_loop import run_sampled  # noqa: E402
+
+PLANTS = sorted((root / 'config' / 'textbook').glob('*.yaml'))
+
+
+def draw(file: Path, output: Path) -> None:
+    """Run one scenario as the nodes do and draw it."""
+    scenario = load_scenario(file)
+    started = time.perf_counter()
+    run = run_sampled(scenario)
+    trace = decode_trace(run.messages)
+    verdict = judge(
+        trace,
+        scenario,
+        name=file.stem,
+        promised=Promised.of(run.design),
+        wall_seconds=time.perf_counter() - started,
+        interrupted=False,
+    )
+    print(verdict)
+    save_figure(trace, scenario, verdict, output / f'textbook_{file.stem}.png')
+
+
+def main() -> None:
+    """Draw all of them, or the first."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    default = root / 'docs' / 'figures'
+    parser.add_argument('--output', type=Path, default=default, help='folder of the figures')
+    parser.add_argument('--quick', action='store_true', help='one plant, to see it work')
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    for file in PLANTS[-1:] if options.quick else PLANTS:
+        draw(file, options.output)
+
+
+if __name__ == '__main__':
+    main()

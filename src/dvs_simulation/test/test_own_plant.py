@@ -1,0 +1,74 @@
+"""The critical threshold of a user's own plant: random and adversarial runs beside the bounds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dvs_common.scenario.scenario import load_scenario
+from dvs_simulation.cli import main
+from dvs_simulation.exact import ClosedLoop, simulate
+from dvs_simulation.judging.trace import decode_trace
+from dvs_simulation.sampled.sampled_loop import run_sampled
+from dvs_simulation.sweep.own_plant import own_thresholds, run_own_plant_task
+from dvs_simulation.sweep.sweep_figures import save_study_figure
+
+ROOT = Path(__file__).resolve().parents[3]
+FILE = ROOT / 'config' / 'mirror_r1.yaml'
+
+
+@pytest.fixture(scope='module')
+def rows():
+    values = dict(load_scenario(FILE).replace(duration=6.0).values)
+    found = run_own_plant_task(
+        values=values, method='structured', thresholds=[0.1, 0.45], runs=3, seed=0
+    )
+    return [{key: str(value) for key, value in row.items()} for row in found]
+
+
+def test_a_fine_threshold_holds_the_tolerance_and_a_coarse_one_does_not(rows):
+    (line,) = own_thresholds(rows)
+
+    assert line.h_certified < line.h_star < line.adversarial == 0.45
+
+
+def test_the_adversary_is_never_better_than_chance(rows):
+    for random, adversarial in zip(rows[::2], rows[1::2], strict=True):
+        assert (random['kind'], adversarial['kind']) == ('random', 'adversarial')
+        assert float(adversarial['limsup']) >= float(random['limsup'])
+
+
+def test_a_file_is_refused_by_the_other_studies(tmp_path, capsys):
+    options = ['--params-file', str(FILE), '--output', str(tmp_path / 'out.csv')]
+
+    assert main(['sweep', '--study', 'pixels', *options]) == 2
+    assert 'is for --study threshold' in capsys.readouterr().err
+
+
+def test_the_figure_has_a_panel_a_method(tmp_path, rows):
+    save_study_figure('own_plant', rows, tmp_path / 'own.png')
+
+    assert (tmp_path / 'own.png').stat().st_size > 10_000
+
+
+def test_a_constant_load_moves_the_exact_loop_and_the_sampled_one_alike():
+    parameters = {'event_threshold': 0.05, 'duration': 3.0, 'method': 'structured'}
+    scenario = load_scenario(FILE).replace(
+        **parameters, constant_load=(0.3,), output_disturbance=0.001
+    )
+    sampled = run_sampled(scenario)
+    trace = decode_trace(sampled.messages)
+    loop = ClosedLoop.from_scenario(scenario, sampled.design.controller)
+    exact = simulate(loop, duration=3.0, sample_times=trace.times_s)
+    free = simulate(
+        ClosedLoop.from_scenario(
+            scenario.replace(constant_load=(), output_disturbance=0.0),
+            sampled.design.controller,
+        ),
+        duration=3.0,
+        sample_times=trace.times_s,
+    )
+    early = trace.times_s < 0.2
+
+    assert np.abs(exact.states - trace.states)[early].max() < 2e-3
+    assert np.abs(free.states - trace.states)[early].max() > 1e-2
