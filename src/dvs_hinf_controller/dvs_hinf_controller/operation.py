@@ -9,6 +9,7 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import PlantModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,8 @@ class Operation:
         Largest constant load on every input, shape (m,); empty for none.
     output_disturbance
         Largest constant error of every luminosity.
+    further_plants
+        Plants for which everything has to hold besides.
     model_uncertainty
         Largest relative error of every entry of A and B.
     interpolates
@@ -47,6 +50,7 @@ class Operation:
     disturbance_bound: FloatArray = field(default_factory=lambda: np.zeros(0))
     constant_load: FloatArray = field(default_factory=lambda: np.zeros(0))
     output_disturbance: float = 0.0
+    further_plants: tuple[PlantModel, ...] = ()
     model_uncertainty: float = 0.0
     interpolates: bool = True
 

@@ -118,6 +118,7 @@ class DesignProblem:
                 disturbance_bound=scenario.disturbance_bound,
                 constant_load=scenario.constant_load_bound,
                 output_disturbance=scenario.promise.output_disturbance_bound,
+                further_plants=scenario.further_plants,
                 model_uncertainty=scenario.promise.model_uncertainty,
             ),
             initial_state=scenario.initial_state,

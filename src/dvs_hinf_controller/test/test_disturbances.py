@@ -1,5 +1,6 @@
 """Weights, settling time, constant disturbances and integral action: asked, designed, measured."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -143,3 +144,48 @@ def test_what_h_costs_is_a_table_and_a_figure(tmp_path):
     assert [line.split(',')[0] for line in lines[1:]] == [point.parameter for point in points]
     assert points[0].value == 0.0005 and points[0].h_certified > points[1].h_certified
     assert picture.stat().st_size > 10_000
+
+
+def test_the_promise_of_a_list_of_plants_is_that_of_the_worst(plain):
+    a, b = np.array([[2.0, 10.0], [0.0, 5.0]]), np.array([[1.0], [1.0]])
+    same = MIRROR.replace(further_state_matrices=tuple(a.ravel()))
+    other = MIRROR.replace(
+        further_state_matrices=(*a.ravel(), *(1.01 * a).ravel()),
+        further_input_matrices=(*b.ravel(), *(0.99 * b).ravel()),
+    )
+
+    unchanged, changed = (design_from_scenario(scenario).figures for scenario in (same, other))
+    assert unchanged.h_certified == pytest.approx(plain.figures.h_certified, rel=1e-6)
+    assert changed.h_certified < plain.figures.h_certified
+    assert changed.costs[-1].part == '2 further plants'
+
+
+def test_a_plant_that_the_controller_does_not_hold_leaves_no_promise():
+    backwards = MIRROR.replace(further_input_matrices=(-1.0, -1.0))
+
+    assert design_from_scenario(backwards).figures.h_certified == -math.inf
+
+
+def test_a_further_plant_settles_where_its_own_equations_say(plain):
+    a, b = np.array([[2.02, 10.0], [0.0, 5.0]]), np.array([[1.0], [1.0]])
+    held = plain.problem.equilibrium
+    drift = a @ held.state + b @ held.feedforward
+    loop = dataclasses.replace(plain.problem.model, state_matrix=a)
+    moved = StaticGains(loop, plain.controller, None).of_drive(drift)
+
+    k = plain.controller
+    c = loop.output_vector[None, :]
+    whole = np.block(
+        [
+            [a + b * k.feedthrough @ c, b @ k.output_matrix],
+            [k.input_vector[:, None] @ c, k.state_matrix],
+        ]
+    )
+    x = np.linalg.solve(whole, -np.concatenate([drift, np.zeros(k.order)]))[:2]
+    assert moved.error == pytest.approx(float(np.linalg.norm(x)), rel=1e-6)
+
+
+@pytest.mark.parametrize('name', ['further_state_matrices', 'further_input_matrices'])
+def test_a_list_of_plants_of_another_size_is_refused(name):
+    with pytest.raises(ParameterError, match='must have a multiple of'):
+        DesignProblem.from_scenario(MIRROR.replace(**{name: (1.0, 2.0, 3.0)}))

@@ -56,3 +56,15 @@ class PromiseParameters(ParameterGroup):
         nodes=(CONTROLLER,),
         interval=Interval(low=0, high=0.99),
     )
+    further_state_matrices: tuple[float, ...] = parameter(
+        (),
+        'Further plants for which the promise holds too: their A one after the other, k x n x n, '
+        'row-major; empty: A itself with every further B',
+        nodes=(CONTROLLER,),
+        unit='1/s',
+    )
+    further_input_matrices: tuple[float, ...] = parameter(
+        (),
+        'Their B, k x n x m, row-major; empty: B itself with every further A',
+        nodes=(CONTROLLER,),
+    )

@@ -183,6 +183,36 @@ class Scenario(Parameters):
         return self._per_input('constant_load_bound', absent=0.0)
 
     @property
+    def further_plants(self) -> tuple[PlantModel, ...]:
+        """Plants for which the promise has to hold besides.
+
+        Raises
+        ------
+        ParameterError
+            If the two lists do not hold equally many plants of this size.
+        """
+        model = self.model
+        n, m = model.state_count, model.input_count
+        a, b = self.promise.further_state_matrices, self.promise.further_input_matrices
+        for name, values, size in (
+            ('further_state_matrices', a, n * n),
+            ('further_input_matrices', b, n * m),
+        ):
+            if len(values) % size:
+                rule = f'must have a multiple of {size} entries'
+                raise ParameterError(name, list(values), rule)
+        count = max(len(a) // (n * n), len(b) // (n * m))
+        states = np.array(a or (*model.state_matrix.ravel(),) * count).reshape(-1, n, n)
+        inputs = np.array(b or (*model.input_matrix.ravel(),) * count).reshape(-1, n, m)
+        if len(states) != len(inputs):
+            rule = f'must hold as many plants as further_state_matrices, {len(states)}'
+            raise ParameterError('further_input_matrices', list(b), rule)
+        return tuple(
+            PlantModel(state_matrix=one, input_matrix=two, output_vector=model.output_vector)
+            for one, two in zip(states, inputs, strict=True)
+        )
+
+    @property
     def error_weights(self) -> FloatArray:
         """Weight of each state in the error, shape (n,), 1 where none are given.
 

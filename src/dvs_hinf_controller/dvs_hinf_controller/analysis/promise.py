@@ -68,6 +68,9 @@ class Promise:
         K.
     operation
         How the loop runs and what acts on it.
+    drift
+        Constant addition to xdot, shape (n,), as of a set-point that the plant does not hold by
+        the feed-forward; None for none.
     rtol
         Relative width that is aimed at in the peak gains.
     """
@@ -78,8 +81,10 @@ class Promise:
         controller: LinearController,
         operation: Operation,
         *,
+        drift: FloatArray | None = None,
         rtol: float = 3e-4,
     ) -> None:
+        self._drift = drift
         self._problem, self._operation = problem, operation
         model = problem.model
         timing = Timing(period=operation.sampling_period, latency=operation.latency)
@@ -164,10 +169,14 @@ class Promise:
         if start is not None:
             channels = [*channels, self._gains.free(start), *self._loads]
             sizes = [operation.output_disturbance, *sizes[1:], 1.0, *loads]
+            if self._drift is not None:
+                channels, sizes = [*channels, self._gains.of_drive(self._drift)], [*sizes, 1.0]
         else:
             settled = map(self._static.of_load, self._problem.model.input_matrix.T, loads)
             channels = [*channels, *settled, self._static.of_measurement()]
             sizes = [*sizes, *[1.0] * len(loads), operation.output_disturbance]
+            if self._drift is not None:
+                channels, sizes = [*channels, self._static.of_drive(self._drift)], [*sizes, 1.0]
         return _combined(channels, sizes)
 
     def _answer(self, signals: Gains, share: float) -> FloatArray:

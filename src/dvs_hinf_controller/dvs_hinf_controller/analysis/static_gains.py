@@ -41,7 +41,17 @@ class StaticGains:
         size
             Load, in the unit of the input.
         """
-        return self._moved(np.concatenate([column * size, np.zeros(self._controller.order)]), 0.0)
+        return self.of_drive(column * size)
+
+    def of_drive(self, drive: FloatArray) -> Gains:
+        """Where a constant addition to xdot moves the loop.
+
+        Parameters
+        ----------
+        drive
+            Shape (n,).
+        """
+        return self._moved(np.concatenate([drive, np.zeros(self._controller.order)]), 0.0)
 
     def of_measurement(self) -> Gains:
         """Where a constant error of 1 of the measured deviation moves the loop."""

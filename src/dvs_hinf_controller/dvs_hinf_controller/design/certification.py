@@ -10,10 +10,10 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.peak_gain import PeakGains
+from dvs_hinf_controller.analysis.plant_list import held_with_all
 from dvs_hinf_controller.analysis.promise import (
     Continuous,
     Held,
-    Promise,
     largest_threshold,
     largest_uncertainty,
     sectors_at,
@@ -79,7 +79,7 @@ def certify(
     continuous = certified = largest_threshold(problem, held)
     costs = [Cost(part='continuous loop', threshold=continuous)]
     for part, operation in _parts(problem.operation):
-        held = Promise(problem, controller, operation).held
+        held = held_with_all(problem, controller, operation)
         certified = largest_threshold(problem, held)
         costs.append(Cost(part=part, threshold=certified))
     return Certification(
@@ -112,8 +112,8 @@ def held_from(
     """
     if problem.operation is None:
         raise ValueError('a problem without an operation has no running loop')
-    promise = Promise(problem, controller, problem.operation)
-    return promise.held(sectors_at(problem, event_threshold), start=start)
+    held = held_with_all(problem, controller, problem.operation, start=start)
+    return held(sectors_at(problem, event_threshold))
 
 
 def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
@@ -153,6 +153,12 @@ def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
             'output_disturbance',
             operation.output_disturbance,
             operation.output_disturbance > 0,
+        ),
+        (
+            f'{len(operation.further_plants)} further plants',
+            'further_plants',
+            operation.further_plants,
+            bool(operation.further_plants),
         ),
         (
             f'{100 * operation.model_uncertainty:g} % error of A and B',

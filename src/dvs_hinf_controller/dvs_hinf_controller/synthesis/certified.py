@@ -14,8 +14,9 @@ from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.peak_gain import peak_gains
+from dvs_hinf_controller.analysis.plant_list import held_with_all
 from dvs_hinf_controller.analysis.plant_rates import plant_rate
-from dvs_hinf_controller.analysis.promise import Continuous, Promise, largest_uncertainty
+from dvs_hinf_controller.analysis.promise import Continuous, largest_uncertainty
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
@@ -209,7 +210,7 @@ def _score(
         )
         found = largest_uncertainty(problem, Continuous(problem, gains).held)
     else:
-        held = Promise(problem, controller, problem.operation, rtol=rtol).held
+        held = held_with_all(problem, controller, problem.operation, rtol=rtol)
         found = largest_uncertainty(problem, held)
     return found if found > 0 else -math.inf
 

@@ -59,6 +59,7 @@ def integrated_problem(problem: DesignProblem) -> DesignProblem:
             problem.operation,
             disturbance_bound=np.zeros(0),
             constant_load=np.zeros(0),
+            further_plants=(),
             model_uncertainty=0.0,
         ),
         initial_state=None,
