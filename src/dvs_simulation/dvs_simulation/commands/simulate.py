@@ -21,7 +21,7 @@ from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
 from dvs_simulation.exact.run_figure import run_figure
 from dvs_simulation.exact.signals import judged
 from dvs_simulation.judging.measures import Judgement, error, settled_from, unsettled
-from dvs_simulation.judging.verdict import outcome_word, threshold_or_null, threshold_text
+from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
 from dvs_simulation.output_folder import output_folder
 
 # Samples of y and z that the sector is checked on; more pixels have fewer samples.

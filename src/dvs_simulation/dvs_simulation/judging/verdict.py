@@ -31,6 +31,7 @@ from dvs_simulation.judging.measures import (
     unsettled,
 )
 from dvs_simulation.judging.trace import Trace
+from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -348,47 +349,6 @@ def judge(
         ),
         slowest_pole=promised.slowest_pole,
     )
-
-
-def outcome_word(*, regulated: bool, slowest_pole: float | None, duration_s: float) -> str:
-    """What became of a run: regulated, not settled yet, or outside its tolerance.
-
-    Parameters
-    ----------
-    regulated
-        Whether it stayed within its tolerances.
-    slowest_pole
-        Largest real part of a closed-loop pole if that may be why it did not, 1/s; else None.
-    duration_s
-        Length of the run, s.
-    """
-    if regulated:
-        return 'regulated'
-    if slowest_pole is None:
-        return 'NOT regulated: left eps'
-    return f'did not settle yet: slowest pole {slowest_pole:.3g} 1/s, duration {duration_s:g} s'
-
-
-def threshold_or_null(h_certified: float) -> float | None:
-    """None for any threshold; a threshold below zero is none at all.
-
-    Parameters
-    ----------
-    h_certified
-        As designed.
-    """
-    return None if h_certified == math.inf else max(h_certified, -1.0)
-
-
-def threshold_text(h_certified: float | None) -> str:
-    """h_certified of `threshold_or_null` in words.
-
-    Parameters
-    ----------
-    h_certified
-        None for any threshold.
-    """
-    return 'any' if h_certified is None else f'{h_certified:.5f}'
 
 
 def sector_ratios(trace: Trace, scenario: Scenario, error_bound: FloatArray) -> FloatArray:
