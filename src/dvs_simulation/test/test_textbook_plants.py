@@ -37,6 +37,7 @@ def test_there_are_five():
     assert len(PLANTS) == 5
 
 
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @pytest.mark.parametrize('name', PLANTS)
 def test_the_run_of_a_textbook_plant_keeps_what_is_promised(name):
     found = verdict(scenario(name))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -217,11 +218,11 @@ class Promise:
 
     def _model_errors(self, states: FloatArray, commands: FloatArray) -> FloatArray:
         """Bound of ``|dA x + dB u|``, shape (n,)."""
-        model = self._problem.model
-        return np.asarray(
-            self._operation.model_uncertainty
-            * (np.abs(model.state_matrix) @ states + np.abs(model.input_matrix) @ commands)
-        )
+        model, uncertainty = self._problem.model, self._operation.model_uncertainty
+        if not np.any(uncertainty):
+            return np.zeros(model.state_count)
+        moved = _through(model.state_matrix, states) + _through(model.input_matrix, commands)
+        return np.asarray(uncertainty * moved)
 
     def _unseen(self, drives: FloatArray) -> float:
         """What a drive that jumps within a period hides from a camera that interpolates."""
@@ -343,10 +344,16 @@ def _largest(holds: Callable[[float], bool], *, low: float) -> float:
     return low
 
 
+def _through(matrix: FloatArray, sizes: FloatArray) -> FloatArray:
+    """``|matrix| sizes``, where an entry of zero takes nothing of a signal without a bound."""
+    return np.asarray((np.abs(matrix) * np.where(matrix != 0, sizes, 0.0)).sum(axis=1))
+
+
 def _combined(gains: list[Gains], sizes: list[float]) -> Gains:
     """Bounds of the sum of signals of these sizes, one through each of the channels."""
-    total = gains[0]
+    total: dict[str, Any] = {}
     for name in Gains.__dataclass_fields__:
+        none = np.zeros(np.shape(getattr(gains[0], name)))[()]
         parts = [size * getattr(g, name) for g, size in zip(gains, sizes, strict=True) if size]
-        total = replace(total, **{name: sum(parts) if parts else 0 * getattr(total, name)})
-    return total
+        total[name] = sum(parts, start=none)
+    return Gains(**total)

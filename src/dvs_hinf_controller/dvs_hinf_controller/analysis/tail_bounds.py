@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import ComplexArray
@@ -105,6 +109,14 @@ def modal_bound(
     gains = output_gains(outputs @ vectors, states, whole=False)
     inverse = np.asarray(np.linalg.inv(vectors), dtype=np.complex128)
     return [Bound(coordinates=inverse, gains=gains, rates=rates)]
+
+
+@contextmanager
+def unverified() -> Iterator[None]:
+    """Solve without warnings of an ill condition: what is found is checked afterwards."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', scipy.linalg.LinAlgWarning)
+        yield
 
 
 def quadratic_bound(p: FloatArray, rate: float, outputs: FloatArray, states: int) -> Bound | None:

@@ -111,7 +111,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
         axes.plot(trace.times_s, trace.states[:, 0], color=BLUE, lw=1.2)
         for bound in centre[0] + scenario.objective.tolerance * np.array([-1, 1]):
             axes.axhline(bound, color=VERMILION, ls='--', lw=1)
-        axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d -+ eps')
+        axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d ± eps')
         axes.set(xlabel='time [s]', ylabel='x1 [state units]', title='State')
         axes.legend(loc='best', frameon=False)
         axes.grid(alpha=0.3)
@@ -140,7 +140,7 @@ def _draw_tolerance(axes: Axes, centre: FloatArray, scenario: Scenario) -> None:
         return
     for draw, middle, weight in zip((axes.axvline, axes.axhline), centre, weights, strict=False):
         if weight > 0:
-            draw(middle - eps / weight, ls='--', color=VERMILION, lw=1, label='-+ eps')
+            draw(middle - eps / weight, ls='--', color=VERMILION, lw=1, label='± eps')
             draw(middle + eps / weight, ls='--', color=VERMILION, lw=1)
 
 
@@ -163,7 +163,7 @@ def _draw_events(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict)
     axes.set_xlim(trace.times_s[0], trace.times_s[-1])
     pixel_count = trace.luminosities.shape[1]
     axes.set_ylim(-0.6, pixel_count - 0.4)
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     # Above the axes: with many pixels every place inside holds events.
     axes.legend(
         loc='lower right',
