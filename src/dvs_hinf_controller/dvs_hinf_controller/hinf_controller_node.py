@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import Twist, Wrench
 from sensor_msgs.msg import Image, JointState, PointCloud2
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, Float64MultiArray
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
@@ -18,6 +19,7 @@ from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.anchor import parse_anchor
+from dvs_common.wire.command_copy import command_copy
 from dvs_common.wire.events import EVENT_DTYPE, parse_events
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
@@ -36,6 +38,11 @@ _BLIND_S = 2.0
 _UNKNOWN_REFERENCES = 4
 # Of an estimate.
 _BYTES_A_PIXEL = 24
+_COPY_TYPES = {
+    topics.COMMAND_ARRAY: Float64MultiArray,
+    topics.COMMAND_TWIST: Twist,
+    topics.COMMAND_WRENCH: Wrench,
+}
 
 
 class HinfControllerNode(ManagedNode):
@@ -57,14 +64,18 @@ class HinfControllerNode(ManagedNode):
     def configure(self, scenario: Scenario) -> None:
         """Design the controller and report what it promises; see `ManagedNode.configure`."""
         self._scenario = scenario
-        self._command_limit = scenario.command_limit
         self._design = design_from_scenario(scenario)
-        self._names = tuple(f'u{i + 1}' for i in range(self._design.problem.model.input_count))
+        inputs = self._design.problem.model.input_count
+        self._names = tuple(f'u{i + 1}' for i in range(inputs))
+        self._copy = command_copy(scenario.controller.command_copy, inputs)
         self._command_publisher = self.advertise_token(
             JointState,
             topics.COMMAND,
             topics.handshake_qos(scenario.loop.mode, topics.LISTENER_DEPTH),
         )
+        if self._copy is not None:
+            kind = _COPY_TYPES[self._copy.topic]
+            self._copy_publisher = self.advertise(kind, self._copy.topic, topics.stream_qos())
         pixels = self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
             JointState,
@@ -155,6 +166,8 @@ class HinfControllerNode(ManagedNode):
     def _publish_command(self, stamp_ns: int, values: np.ndarray) -> None:
         command = Vector(stamp_ns=stamp_ns, names=self._names, values=values)
         self._command_publisher.publish(pack_command(command))
+        if self._copy is not None:
+            self._copy_publisher.publish(self._copy.pack(values))
 
     def _take_keyframe(self, message: bytes) -> None:
         keyframe = parse_keyframe(message)
@@ -225,6 +238,7 @@ class HinfControllerNode(ManagedNode):
         delta_certified = self._certificate.of(references.health.healthy)
         budget = self._controller.read_budget(delta_certified)
         event_rate = self._event_rate.read(self._events)
+        limiter = self._controller.limiter
         return Health(
             troubles=self._troubles(budget),
             values={
@@ -242,6 +256,8 @@ class HinfControllerNode(ManagedNode):
                 'pixels contradicted by anchors': references.anchors.contradictions,
                 'pixels masked': references.health.masked_count,
                 'age of events [s]': f'{self.silence_s(topics.EVENTS):.3f}',
+                'commands at command_limit': limiter.limited if limiter else 0,
+                'commands at command_rate_limit': limiter.slowed if limiter else 0,
                 'h': h,
                 'h* (published)': figures.h_star,
                 'h_certified': figures.h_certified,
@@ -259,6 +275,9 @@ class HinfControllerNode(ManagedNode):
             troubles.append(Trouble(level=Level.ERROR, message='events lost'))
         if self._controller.synchrony is Synchrony.UNKNOWN:
             troubles.append(Trouble(level=Level.ERROR, message='references unknown'))
+        limiter = self._controller.limiter
+        if limiter is not None and limiter.is_limited:
+            troubles.append(Trouble(level=Level.WARN, message='command at its limit'))
         if not budget.is_certified:
             troubles.append(Trouble(level=Level.WARN, message=str(budget)))
         return troubles

@@ -376,11 +376,10 @@ def test_the_command_is_limited_input_by_input():
     assert limited.command[1] == free.command[1]
 
 
-def test_a_limit_does_not_reach_into_the_state():
+def test_a_limited_command_is_that_of_k_within_the_limits():
     limited, free = running(limit=1e-3), running()
     for each in (limited, free):
         each.take(packet(0))
-        each.take(packet(MS, [(-7, 1, 1, 1)]))
 
     np.testing.assert_allclose(limited.command, np.clip(free.command, -1e-3, 1e-3), rtol=0)
 

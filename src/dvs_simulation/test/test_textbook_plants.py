@@ -76,7 +76,7 @@ def test_a_command_at_its_limit_is_no_part_of_the_promise():
     limited = scenario('heading').replace(method='structured', command_limit=(0.01,), duration=0.5)
     found = verdict(limited)
 
-    assert found.saturated_cycles > 400
+    assert found.saturated_cycles > 20
     assert not found.certified
     assert 'at command_limit in' in str(found)
 

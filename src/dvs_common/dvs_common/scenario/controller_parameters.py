@@ -58,3 +58,17 @@ class ControllerParameters(ParameterGroup):
         unit='input',
         interval=POSITIVE,
     )
+    command_rate_limit: tuple[float, ...] = parameter(
+        (),
+        'Largest change of u_o in a second, of every input, 1 or m entries; empty: no limit',
+        nodes=(CONTROLLER,),
+        unit='input/s',
+        interval=POSITIVE,
+    )
+    command_copy: str = parameter(
+        '',
+        'Commands in another form beside command: array (std_msgs/Float64MultiArray on commands), '
+        'or the field of every input in geometry_msgs/Twist (linear.x, angular.z; on cmd_vel) or '
+        'geometry_msgs/Wrench (force.x, torque.z; on wrench); empty: none',
+        nodes=(CONTROLLER,),
+    )

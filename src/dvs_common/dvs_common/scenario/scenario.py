@@ -150,6 +150,17 @@ class Scenario(Parameters):
         return self._per_input('command_limit', absent=np.inf)
 
     @property
+    def command_rate_limit(self) -> FloatArray:
+        """Largest change of ``u_o`` in a second per input, shape (m,), infinite without a limit.
+
+        Raises
+        ------
+        ParameterError
+            If it has neither 0, 1 nor m entries.
+        """
+        return self._per_input('command_rate_limit', absent=np.inf)
+
+    @property
     def disturbance_bound(self) -> FloatArray:
         """Largest disturbance per input, shape (m,), zero where there is none.
 

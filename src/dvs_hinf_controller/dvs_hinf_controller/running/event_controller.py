@@ -17,6 +17,7 @@ from dvs_common.wire.keyframe import Keyframe
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.running.command_limiter import CommandLimiter
 from dvs_hinf_controller.running.held_input import HeldInputResponse
 from dvs_hinf_controller.running.look_ahead import LookAhead, Silence
 from dvs_hinf_controller.running.reference_state import Synchrony, Taken
@@ -71,6 +72,9 @@ class EventController:
         h, in logarithms to the problem's base.
     command_limit
         Largest ``|u_o|``, shape (m,); infinite where there is none.
+    command_rate_limit
+        Largest change of ``u_o`` in a second, shape (m,), infinite where there is none; None for
+        no limit.
     uncertainty
         How far the sensor may be from an ideal one; None for an ideal one.
     pixel_mask
@@ -87,11 +91,12 @@ class EventController:
         *,
         event_threshold: float,
         command_limit: FloatArray,
+        command_rate_limit: FloatArray | None = None,
         uncertainty: SensorUncertainty | None = None,
         pixel_mask: Sequence[int] = (),
         holds_unknown: bool = False,
     ) -> None:
-        self._limit = command_limit if np.isfinite(command_limit).any() else None
+        self.limiter = CommandLimiter.where_limited(problem, command_limit, command_rate_limit)
         self._holds_unknown = holds_unknown
         self._aim(problem, controller)
         self.references = ReferenceWatch(
@@ -117,19 +122,20 @@ class EventController:
     def _begin(self) -> None:
         self._duration_ns = 0
         self._state = np.zeros(self._controller.order)
-        self._resting = self._bounded(self._feedforward)
+        self._resting = self._feedforward
         self._deviation = 0.0
         self._is_blind = False
+        if self.limiter is not None:
+            self.limiter.begin(self._feedforward)
         self._refresh()
+        self._limit(0)
 
     def _refresh(self) -> None:
         """Take over what is known now; where nothing is, rest until something is."""
         is_blind = not self.references.intervals.active_count
         if is_blind and not self._is_blind:
             self._resting = (
-                self._command_of(self._state)
-                if self._holds_unknown
-                else self._bounded(self._feedforward)
+                self._command_of(self._state) if self._holds_unknown else self._feedforward
             )
             self._state = np.zeros(self._controller.order)
         self._is_blind = is_blind
@@ -153,16 +159,19 @@ class EventController:
         if not same:
             self._state = np.zeros(controller.order)
         if not self._holds_unknown:
-            self._resting = self._bounded(self._feedforward)
+            self._resting = self._feedforward
         self._deviation = self._mean_deviation()
 
     def _mean_deviation(self) -> float:
         known = self.references.intervals
         if self._is_blind:
             return 0.0
-        if known.active_count == known.active.size:
-            return known.mean_estimate - self._mean_target
-        return known.mean_estimate - float(self._target[known.active].mean())
+        target = self._mean_target
+        if known.active_count != known.active.size:
+            target = float(self._target[known.active].mean())
+        if self.limiter is not None:
+            target -= self.limiter.luminosity
+        return known.mean_estimate - target
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -207,6 +216,11 @@ class EventController:
 
         While no reference is known, what holds the equilibrium, or the last command.
         """
+        return self._wanted if self.limiter is None else self.limiter.command
+
+    @property
+    def _wanted(self) -> FloatArray:
+        """The command before any limit."""
         if self._is_blind:
             return self._resting
         ahead = self._ahead.command_at(self._state, deviation=self._deviation)
@@ -215,10 +229,11 @@ class EventController:
     def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
         command = k.output_matrix @ state + k.feedthrough * self._deviation
-        return self._bounded(command + self._feedforward)
+        return command + self._feedforward
 
-    def _bounded(self, command: FloatArray) -> FloatArray:
-        return command if self._limit is None else np.clip(command, -self._limit, self._limit)
+    def _limit(self, duration_ns: int) -> None:
+        if self.limiter is not None:
+            self.limiter.take(self._wanted, as_seconds(duration_ns), is_resting=self._is_blind)
 
     def look_ahead(self) -> None:
         """Work out, while there is time, the answer to a next packet that is as long and empty."""
@@ -273,7 +288,11 @@ class EventController:
             self._keep_still()
         if self._is_blind:
             self._state = np.zeros(self._controller.order)
-        return self._noticed(taken)
+        if self.limiter is not None:
+            self.limiter.advance(as_seconds(self._duration_ns))
+        report = self._noticed(taken)
+        self._limit(self._duration_ns)
+        return report
 
     def _noticed(self, taken: Taken) -> PacketReport:
         self._refresh()

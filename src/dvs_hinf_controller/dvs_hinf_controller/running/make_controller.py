@@ -29,6 +29,7 @@ def event_controller(design: Design, scenario: Scenario) -> EventController:
         design.controller,
         event_threshold=scenario.sensor.event_threshold,
         command_limit=scenario.command_limit,
+        command_rate_limit=scenario.command_rate_limit,
         uncertainty=SensorUncertainty.of_scenario(scenario),
         pixel_mask=chosen.pixel_mask,
         holds_unknown=chosen.unknown_references == 'hold',

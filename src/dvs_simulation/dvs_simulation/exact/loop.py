@@ -95,7 +95,8 @@ class ClosedLoop:
         Parameters
         ----------
         scenario
-            Checked parameters; `command_limit`, noise and sampling have no part in the automaton.
+            Checked parameters; limits of commands, noise and sampling have no part in the
+            automaton.
         controller
             K.
 
