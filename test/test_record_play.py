@@ -31,6 +31,7 @@ from dvs_common.wire import topics
 from dvs_common.wire.events import parse_events
 from dvs_common.wire.messages import pack_clock, parse_command
 from dvs_common.wire.stamped import stamp_of
+from dvs_hinf_controller.analysis.sector import sector
 from dvs_simulation.judging.verdict import sector_ratios
 
 
@@ -127,8 +128,13 @@ def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes,
     assert {later - earlier for earlier, later in pairwise(stamps)} == {10**6}
     run = examine(recorded)
     assert len(run.trace.times_s) > 300
-    bounds = recorded.scenario.model_reference_bounds
-    assert sector_ratios(run.trace, recorded.scenario, bounds).max() <= 1 + 1e-9
+    sensor = recorded.scenario.sensor
+    known = sector(
+        recorded.scenario.model_reference_bounds,
+        event_threshold=sensor.event_threshold,
+        log_base=sensor.log_base,
+    )
+    assert sector_ratios(run.trace, recorded.scenario, known.error_bound).max() <= 1 + 1e-9
 
 
 def test_duration_ends_a_recording_and_the_bag_is_not_overwritten(domain, tmp_path):
@@ -183,7 +189,7 @@ def test_a_publisher_that_appears_without_latching_is_recorded(domain, tmp_path)
         )
         assert wait_for(lambda: tool.node.count_publishers(stream.topic) == 1)
         recorder.adapt()
-        assert tool.spin_until(lambda: recorder.newly_heard() == [stream.topic])
+        assert tool.spin_until(lambda: recorder.newly_received() == [stream.topic])
         assert driver.spin_until(lambda: publisher.get_subscription_count() == 1)
         before_ns = time.time_ns()
         publisher.publish(stream.message_type())

@@ -44,7 +44,7 @@ MODULES = [
 
 
 def prose_of(path):
-    """Comments, strings (docstrings and messages among them) and the names of tests."""
+    """Comments, strings (docstrings and messages among them), names of tests and functions."""
     text = path.read_text(encoding='utf-8')
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type in (
@@ -54,7 +54,8 @@ def prose_of(path):
         ):
             yield token.string
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef) and node.name.startswith('test_'):
+        named = isinstance(node, ast.FunctionDef) and node.name.startswith('test_')
+        if named or ('test' not in path.parts and isinstance(node, ast.FunctionDef)):
             yield node.name.replace('_', ' ')
 
 
@@ -83,4 +84,7 @@ def test_this_test_finds_what_it_looks_for(tmp_path):
         'def test_it_hears():\n    """A node that feels well."""\n    heard = "nobody"  # deaf\n'
     )
 
+    (tmp_path / 'n.py').write_text('def listen_to():\n    pass\n')
+
     assert len(found_in(prose_of(tmp_path / 'm.py'))) == 4
+    assert len(found_in(prose_of(tmp_path / 'n.py'))) == 1

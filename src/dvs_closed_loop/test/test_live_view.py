@@ -18,7 +18,7 @@ SCENARIO = Scenario.from_values({})
 def frame_of(view, recorded, scenario=SCENARIO, wall_s=0.0):
     for topic, _, data in recorded:
         if topic in view.topics:
-            view.hear(topic, data)
+            view.receive(topic, data)
     frame = view.frame(scenario, wall_s)
     json.dumps(frame, allow_nan=False)
     return frame
@@ -122,9 +122,9 @@ def test_a_plant_of_another_order_has_no_error():
 def test_a_state_that_is_not_finite_and_events_with_labels_are_shown_all_the_same():
     view = LiveView()
     state = Vector(stamp_ns=1_000_000, names=('x1', 'x2'), values=np.array([np.inf, np.nan]))
-    view.hear(topics.STATE, pack_state(state))
+    view.receive(topics.STATE, pack_state(state))
     labelled = np.zeros(2, LABELLED_EVENT_DTYPE)
-    view.hear(topics.EVENTS, pack_events(EventPacket(stamp_ns=1_000_000, events=labelled)))
+    view.receive(topics.EVENTS, pack_events(EventPacket(stamp_ns=1_000_000, events=labelled)))
 
     frame = frame_of(view, [])
 

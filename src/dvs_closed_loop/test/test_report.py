@@ -78,7 +78,7 @@ def test_a_report_of_a_bag_by_rosbag2(storage, tmp_path, capsys):
     options = ['--params-file', str(scenario), '--output', str(tmp_path / 'out')]
     assert main(['report', str(folder), *options]) == 0
 
-    text, _ = page_of(tmp_path / 'out' / 'report.html')
+    text, _ = page_of(tmp_path / 'out' / 'scenario' / 'report.html')
     assert '>regulated<' in text
     assert 'written by jazzy' in text
 

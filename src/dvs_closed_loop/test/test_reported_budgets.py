@@ -51,10 +51,10 @@ def test_what_can_not_be_read_is_passed_over():
 
 def test_the_live_page_has_the_newest_certificate():
     view = LiveView('left')
-    view.hear(topics.DIAGNOSTICS, message(name='left/hinf_controller'))
+    view.receive(topics.DIAGNOSTICS, message(name='left/hinf_controller'))
     certified = Budget(threshold=0.05, ignorance=0.01, delta_certified=0.1)
     frame = view.frame(Scenario.from_values({}), 1.0)
-    view.hear(topics.DIAGNOSTICS, message(certified, name='left/hinf_controller'))
+    view.receive(topics.DIAGNOSTICS, message(certified, name='left/hinf_controller'))
     after = view.frame(Scenario.from_values({}), 2.0)
 
     assert (frame['certified'], after['certified']) == (False, True)

@@ -32,4 +32,4 @@ def test_a_file_of_a_sensor_is_reported_and_what_is_cut_off_is_said(tmp_path, ca
     assert 'dat, 346 x 260 pixels' in out
     assert ' 999 events in 0.0' in out
     assert 'ends in the middle of a word' in err
-    assert (tmp_path / 'out' / 'report.png').read_bytes().startswith(b'\x89PNG')
+    assert (tmp_path / 'out' / 'sensor' / 'report.png').read_bytes().startswith(b'\x89PNG')

@@ -25,7 +25,8 @@ dvs_closed_loop dvs_closed_loop.running closed_loop composed_loop launch_plan lo
 dvs_closed_loop dvs_closed_loop.running loop_plan loop_progress
 dvs_closed_loop dvs_closed_loop.running loop_runner processes run_recorder
 dvs_closed_loop dvs_common.wire index_watch
-dvs_closed_loop dvs_simulation exact output_folder paper plotting sweep
+dvs_closed_loop dvs_common output_folder
+dvs_closed_loop dvs_simulation exact paper plotting sweep
 dvs_closed_loop dvs_simulation.judging figure trace verdict
 dvs_closed_loop dvs_simulation.sampled sampled_loop
 dvs_closed_loop.commands dvs_simulation.commands reproduce_paper simulate sweep

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -42,12 +43,19 @@ def run_program(module: str) -> int:
         Full name of the module.
     """
     _handle(_leave)
-    main = import_module(module).main
-    _handle(_interrupt)
     try:
+        main = import_module(module).main
+        _handle(_interrupt)
         return int(main())
     except KeyboardInterrupt:
         return 0
+    except ModuleNotFoundError as error:
+        missing = (error.name or 'dvs_').partition('.')[0]
+        if missing.startswith('dvs_'):
+            raise
+        program = sys.argv[0].rpartition('/')[2]
+        print(f'{program}: needs the package {missing}, which is not installed', file=sys.stderr)
+        return 1
     finally:
         # While the interpreter goes, a second signal would end it with another exit code.
         _handle(signal.SIG_IGN)

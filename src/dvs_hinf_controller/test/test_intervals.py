@@ -319,7 +319,7 @@ def test_compiled_code_gives_the_same_bits(seed, uncertain, masked):
     )
     jumps = []
     for known in found:
-        known.listen_to(healthy)
+        known.restrict_to(healthy)
         jumps.append(known.apply(*batch))
     assert jumps[0].tobytes() == jumps[1].tobytes()
     assert found[0].estimate.tobytes() == found[1].estimate.tobytes()

@@ -5,14 +5,8 @@ from pathlib import Path
 import pytest
 
 from dvs_simulation.cli import main
-from dvs_simulation.output_folder import output_folder
 
 MIRROR = str(Path(__file__).resolve().parents[3] / 'config' / 'mirror_r1.yaml')
-
-
-def test_a_folder_is_made_with_its_parents(tmp_path):
-    assert output_folder(tmp_path / 'a' / 'b').is_dir()
-    assert output_folder(tmp_path / 'a' / 'b').is_dir()
 
 
 @pytest.mark.parametrize(

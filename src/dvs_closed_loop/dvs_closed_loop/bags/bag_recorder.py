@@ -73,7 +73,7 @@ class BagRecorder:
                 )
         return said
 
-    def newly_heard(self) -> list[str]:
+    def newly_received(self) -> list[str]:
         """Topics whose first publisher has been matched since the last call."""
         matched = {s.topic for s, own in self._subscriptions.items() if own.get_publisher_count()}
         new = matched - self._heard

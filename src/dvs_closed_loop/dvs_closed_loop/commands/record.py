@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
                         break
                     for line in recorder.adapt():
                         progress.say(line)
-                    for topic in recorder.newly_heard():
+                    for topic in recorder.newly_received():
                         progress.say(f'receives {topic}')
                     if not parameters.complete and time.monotonic() >= next_question:
                         parameters.ask()

@@ -9,6 +9,7 @@ bag unless --output names a folder. The exit code is 0 if the report was made.
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     add_bag_arguments(parser)
     parser.add_argument('--params-file', type=Path, help='scenario (default: that of the bag)')
-    parser.add_argument('--output', type=Path, help='folder of the results (beside the bag)')
+    parser.add_argument('--output', type=Path, help='folder of the results (that of the bag)')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -54,7 +55,6 @@ def run(options: argparse.Namespace) -> int:
     from dvs_common.writing import write_text
     from dvs_event_camera.files.open_recording import is_sensor_recording
     from dvs_simulation.judging.figure import PANELS, panel_svg, save_figure
-    from dvs_simulation.output_folder import output_folder
 
     if options.params_file is None and is_sensor_recording(options.bag):
         return _report_sensor(options)
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
             'params-file', None, f'is needed: {options.bag} does not hold its scenario'
         )
     verdict = _judged(bag, recorded, scenario, name)
-    output = output_folder(options.output or options.bag.parent)
+    output = _folder(options, name)
     figures = {}
     if recorded.trace is not None and verdict is not None:
         figures = {title: panel_svg(title, recorded.trace, scenario, verdict) for title in PANELS}
@@ -91,14 +91,22 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _folder(options: argparse.Namespace, name: str) -> Path:
+    from dvs_common.output_folder import output_folder
+
+    if options.output is None:
+        return output_folder(options.bag.parent)
+    # The name of a scenario in a bag may be any text.
+    return output_folder(options.output / (re.sub(r'[^\w.-]+', '_', name).strip('.') or 'bag'))
+
+
 def _report_sensor(options: argparse.Namespace) -> int:
     from dvs_closed_loop.reports.sensor_report import report_sensor
     from dvs_event_camera.files.open_recording import open_recording
-    from dvs_simulation.output_folder import output_folder
 
     given = dict(pair.split(':=', 1) for pair in options.topic if ':=' in pair)
     recording = open_recording(options.bag, given.get('events'))
-    damage = report_sensor(recording, output_folder(options.output or options.bag.parent))
+    damage = report_sensor(recording, _folder(options, options.bag.stem))
     if damage:
         raise damage
     return 0

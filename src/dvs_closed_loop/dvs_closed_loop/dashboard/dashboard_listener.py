@@ -35,6 +35,6 @@ class DashboardListener:
 
 def _listener(view: LiveView, topic: str) -> Callable[[bytes], None]:
     def listen(message: bytes) -> None:
-        view.hear(topic, message)
+        view.receive(topic, message)
 
     return listen

@@ -56,7 +56,7 @@ class LiveView:
     def __init__(self, namespace: str = '') -> None:
         self._namespace = namespace
         self._budget: Budget | None = None
-        self._heard: dict[str, deque[bytes]] = {
+        self._received: dict[str, deque[bytes]] = {
             topic: deque(maxlen=_MOST_WAITING)
             for topic in (topics.LUMINOSITY, topics.EVENTS, topics.COMMAND, topics.STATE)
         }
@@ -81,14 +81,14 @@ class LiveView:
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics to subscribe to."""
-        return (*self._heard, topics.ESTIMATE, topics.DIAGNOSTICS)
+        return (*self._received, topics.ESTIMATE, topics.DIAGNOSTICS)
 
     @property
     def has_news(self) -> bool:
         """Whether anything was received since the last frame."""
-        return any(self._heard.values())
+        return any(self._received.values())
 
-    def hear(self, topic: str, message: bytes) -> None:
+    def receive(self, topic: str, message: bytes) -> None:
         """Keep a message for the next frame.
 
         Parameters
@@ -108,7 +108,7 @@ class LiveView:
             return
         if topic == topics.EVENTS:
             self._newest_packet = message
-        self._heard[topic].append(message)
+        self._received[topic].append(message)
 
     def frame(self, scenario: Scenario | None, wall_s: float) -> Frame:
         """What happened since the last frame, ready for JSON.
@@ -120,32 +120,32 @@ class LiveView:
         wall_s
             Wall-clock time, s.
         """
-        heard = {topic: list(messages) for topic, messages in self._heard.items()}
+        received = {topic: list(messages) for topic, messages in self._received.items()}
         estimates = list(self._estimates)
-        for waiting in self._heard.values():
+        for waiting in self._received.values():
             waiting.clear()
         self._estimates.clear()
         try:
-            return self._frame(heard, estimates, scenario, wall_s)
+            return self._frame(received, estimates, scenario, wall_s)
         except MessageError as error:
             return {'fault': f'a message breaks the wire contract: {error}'}
 
     def _frame(
         self,
-        heard: dict[str, list[bytes]],
+        received: dict[str, list[bytes]],
         estimates: list[tuple[bytes, bytes]],
         scenario: Scenario | None,
         wall_s: float,
     ) -> Frame:
         self._know(scenario)
-        packets = [parse_events(message) for message in heard[topics.EVENTS]]
-        restarted = self._follow_time(heard[topics.STATE], packets)
+        packets = [parse_events(message) for message in received[topics.EVENTS]]
+        restarted = self._follow_time(received[topics.STATE], packets)
         for packet in packets:
             self._index.take(packet)
-        self._commands += len(heard[topics.COMMAND])
-        states = [parse_state(message) for message in _thinned(heard[topics.STATE])]
-        commands = [parse_command(message) for message in _thinned(heard[topics.COMMAND])]
-        pixels, samples, ratio = self._pixel_samples(heard[topics.LUMINOSITY], estimates)
+        self._commands += len(received[topics.COMMAND])
+        states = [parse_state(message) for message in _thinned(received[topics.STATE])]
+        commands = [parse_command(message) for message in _thinned(received[topics.COMMAND])]
+        pixels, samples, ratio = self._pixel_samples(received[topics.LUMINOSITY], estimates)
         frame: Frame = {
             'restart': restarted,
             'time': self._seconds(self._newest_ns),

@@ -20,13 +20,13 @@ from dvs_closed_loop.running.run_recorder import RECORDED
 from dvs_common.errors import SuiteError
 from dvs_common.node.node_plan import checked_namespace
 from dvs_common.node.session import RosSession, ros_session
+from dvs_common.output_folder import output_folder
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_simulation.judging.trace import IncompleteTraceError, Trace, decode_trace
 from dvs_simulation.judging.verdict import Promised, Verdict, judge
-from dvs_simulation.output_folder import output_folder
 
 # Files beside a bag that tell of the run in it.
 _OF_A_RUN = ('result.json', 'figure.png', 'report.html', 'report.png')

@@ -97,14 +97,14 @@ class _RunningLoop:
         for plan in self._plans:
             self._processes.append(NodeProcess(plan))
         client = self._node.create_client(ChangeState, 'plant_sim/change_state')
-        heard = self.recorder.messages[topics.LUMINOSITY]
-        self._wait(lambda: client.service_is_ready() or bool(heard), 'plant_sim to answer')
-        if not client.service_is_ready() and heard:
+        received = self.recorder.messages[topics.LUMINOSITY]
+        self._wait(lambda: client.service_is_ready() or bool(received), 'plant_sim to answer')
+        if not client.service_is_ready() and received:
             self.recorder.plant_waited = False
-            self._wait(self.recorder.hears_every_node, 'all three nodes')
+            self._wait(self.recorder.receives_every_node, 'all three nodes')
             return
         self._change_state(client, Transition.TRANSITION_CONFIGURE)
-        self._wait(self.recorder.hears_every_node, 'all three nodes')
+        self._wait(self.recorder.receives_every_node, 'all three nodes')
         self._meet_every_node()
         settled = time.monotonic() + _SETTLE_S
         self._wait(lambda: time.monotonic() > settled, 'discovery')
@@ -115,14 +115,14 @@ class _RunningLoop:
         plant = self._processes[-1]
         while plant.exit_code is None and not self._stop.received:
             self._check(self._processes[:-1])
-            self._hear_for(_TURN_S)
+            self._receive_for(_TURN_S)
             if self._is_over_for_us():
                 plant.stop()
-                self._hear_the_end()
+                self._receive_the_end()
                 return
         if plant.exit_code:
             raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
-        self._hear_the_end()
+        self._receive_the_end()
 
     def _is_over_for_us(self) -> bool:
         """Whether a plant that knows nothing of a duration has run for so long."""
@@ -178,17 +178,17 @@ class _RunningLoop:
             if process.exit_code is not None:
                 raise LoopError(f'{process.name} ended with exit code {process.exit_code}')
 
-    def _hear_the_end(self) -> None:
+    def _receive_the_end(self) -> None:
         lockstep = self._scenario.loop.mode == 'lockstep'
         samples = self._scenario.sample_count + 1 if lockstep else 0
         deadline = time.monotonic() + _REPAIR_S
-        heard_all = False
-        while not (heard_all or self._stop.received or time.monotonic() > deadline):
-            heard = self.recorder.count
-            self._hear_for(_QUIET_S)
-            heard_all = self.recorder.count == heard and self.recorder.has(samples)
+        received_all = False
+        while not (received_all or self._stop.received or time.monotonic() > deadline):
+            received = self.recorder.count
+            self._receive_for(_QUIET_S)
+            received_all = self.recorder.count == received and self.recorder.has(samples)
 
-    def _hear_for(self, seconds: float) -> None:
+    def _receive_for(self, seconds: float) -> None:
         deadline = time.monotonic() + seconds
         while (remaining := deadline - time.monotonic()) > 0:
             self._session.turn(remaining)

@@ -62,7 +62,7 @@ _READ: dict[str, Callable[[bytes], int]] = {
 }
 
 
-# What is sent again to a volatile listener that comes late; it carries its stamp.
+# What is sent again to a volatile subscriber that comes late; it carries its stamp.
 _SENT_AGAIN = (topics.EVENTS, topics.COMMAND)
 
 
@@ -131,7 +131,7 @@ class RunRecorder:
             times = self._sample_times_s
             self._first_sample_s = times.get(stamp_of(message), self._last_command_s)
 
-    def hears_every_node(self) -> bool:
+    def receives_every_node(self) -> bool:
         """Whether all topics that a verdict needs are matched with their publishers."""
         return all(self._subscriptions[topic].get_publisher_count() for topic in _NEEDED)
 

@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.output_folder import output_file
 from dvs_common.scenario.parameter_file import read_parameter_file
 from dvs_common.scenario.presets import PRESETS
 from dvs_common.scenario.scenario import Scenario
@@ -40,7 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument('source', type=Path, help='a video file, or a folder of pictures')
     parser.add_argument(
-        '--output', type=Path, required=True, help='.h5, .npz, .csv, .txt, .aedat4 or .npy'
+        '--output',
+        type=Path,
+        default=Path('out'),
+        help='folder of the results (out), or the file: .h5, .npz, .csv, .txt, .aedat4 or .npy',
     )
     parser.add_argument('--preset', default='ideal', help=f'{", ".join(PRESETS)} (default: ideal)')
     parser.add_argument('--threshold', type=float, help="event threshold h (default: preset's)")
@@ -80,7 +84,8 @@ def run(options: argparse.Namespace) -> int:
         raise ParameterError('interpolate', options.interpolate, 'must be >= 1')
     if options.rate is not None and not 0 < options.rate <= 1e6:
         raise ParameterError('rate', options.rate, 'must be > 0 and <= 1e6 frames/s')
-    name = format_of(options.output, None)
+    output = _event_file(options)
+    name = format_of(output, None)
     footage = open_footage(options.source)
     if options.rate is None and footage.rate is None and not footage.stamps_ns:
         raise ParameterError('rate', None, 'must be given: the pictures have no times')
@@ -89,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
     writer: LazyWriter | None = None
     preview: _Preview | None = None
     for stamp_ns, frame in _frames(footage, options):
-        writer = writer or _writer(options.output, name, frame)
+        writer = writer or _writer(output, name, frame)
         preview = preview or _Preview.of(options, footage, frame)
         exposure = camera.take(
             LuminosityFrame(stamp_ns=stamp_ns, pixels=frame, darkest=darkest_of(frame.dtype))
@@ -112,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
     if options.figure:
         _draw_rates(options.figure, tally)
     print(tally.summary(time.perf_counter() - began))
+    print(f'events: {output}')
     return 0
 
 
@@ -122,6 +128,13 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     if options.threshold is not None:
         values['event_threshold'] = options.threshold
     return Scenario.from_values(values)
+
+
+def _event_file(options: argparse.Namespace) -> Path:
+    output: Path = options.output
+    if output.suffix and not output.is_dir():
+        return output
+    return output_file(output, f'{options.source.stem}.h5')
 
 
 def _frames(footage: Footage, options: argparse.Namespace) -> Iterator[tuple[int, NDArray[Any]]]:

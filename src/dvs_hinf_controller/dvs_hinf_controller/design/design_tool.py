@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dvs_common.errors import ParameterError, SuiteError
+from dvs_common.output_folder import output_file
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_hinf_controller.design.bode_figure import save_bode_figure
@@ -112,7 +113,8 @@ def _run(options: argparse.Namespace) -> None:
         save_bode_figure(designs, options.figure)
         print(f'Bode figure: {options.figure}', file=sys.stderr)
     if options.output:
-        path = design_path(options.output, options.params_file, designs[0].method)
+        name = f'{Path(options.params_file).stem}-{designs[0].method}.json'
+        path = output_file(options.output, name)
         save_design(designs[0], path)
         print(f'design: {path}', file=sys.stderr)
 
@@ -126,32 +128,6 @@ def _pareto(scenario: Scenario, path: Path) -> None:
         print(f'{row}  {point.h_star:>8.5f}', flush=True)
     picture = save_pareto(points, path)
     print(f'table: {path}, figure: {picture}', file=sys.stderr)
-
-
-def design_path(output: Path, params_file: str, method: str) -> Path:
-    """File of a design: `output` itself if it ends in .json, else a file in that folder.
-
-    Parameters
-    ----------
-    output
-        What the user named.
-    params_file
-        Scenario, after which a file in the folder is called.
-    method
-        Method that found the design.
-
-    Raises
-    ------
-    ParameterError
-        If the folder can't be made.
-    """
-    if output.suffix == '.json':
-        return output
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError('output', output, f"can't be made: {error.strerror}") from None
-    return output / f'{Path(params_file).stem}-{method}.json'
 
 
 def _compared(scenario: Scenario) -> list[Design]:
@@ -237,7 +213,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--output',
         type=Path,
-        help='save the design for design_file: folder of the results, or the JSON file',
+        help='folder of the results, or the JSON file: save the design, for design_file',
     )
     parser.add_argument('--figure', metavar='FILE', help='draw the Bode figure (.png, .svg, .pdf)')
     parser.add_argument(

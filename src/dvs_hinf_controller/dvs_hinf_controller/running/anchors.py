@@ -82,7 +82,7 @@ class Anchors:
         cut = self._state.intervals.cut(anchor.luminosity, passed)
         self.used += 1
         if self._health.note(cut.confirmed, cut.contradicted):
-            self._state.intervals.listen_to(self._health.healthy)
+            self._state.intervals.restrict_to(self._health.healthy)
         number = int(np.count_nonzero(cut.contradicted))
         self.contradictions += number
         return number

@@ -167,7 +167,7 @@ class ReferenceIntervals:
         self._all_active = self.active_count == self.active.size
         self._widest = max(self._widest, self.width)
 
-    def listen_to(self, healthy: Bools) -> None:
+    def restrict_to(self, healthy: Bools) -> None:
         """Take the mean over these pixels from now on, as far as they are known.
 
         Parameters

@@ -24,7 +24,7 @@ from dvs_hinf_controller.running.reference_state import (
 _AHEAD_OF_KEYFRAME = 20
 # Epochs before this one, and how many keyframes of one must arrive before it is taken again.
 _PAST_EPOCHS = 64
-_INSISTS = 3
+_REPEATS = 3
 
 
 class Keyframes:
@@ -40,7 +40,7 @@ class Keyframes:
         self._state = state
         self._epoch: int | None = None
         self._past_epochs: deque[int] = deque(maxlen=_PAST_EPOCHS)
-        self._insisted = 0
+        self._repeated = 0
 
     def take(self, keyframe: Keyframe) -> Taken:
         """Take a keyframe; one of a packet still to come waits for it.
@@ -63,7 +63,7 @@ class Keyframes:
         if keyframe.epoch != self._epoch:
             self._require_current(keyframe)
             return self._change_epoch(keyframe, now_ns)
-        self._insisted = 0
+        self._repeated = 0
         if keyframe.stamp_ns > now_ns:
             self._state.require_reach('keyframe', keyframe.stamp_ns, now_ns)
         return self._await(keyframe)
@@ -82,8 +82,8 @@ class Keyframes:
         """Refuse a keyframe of an epoch that is over, unless nothing else arrives any more."""
         if keyframe.epoch not in self._past_epochs or not self._state.verified:
             return
-        self._insisted += 1
-        if self._insisted < _INSISTS:
+        self._repeated += 1
+        if self._repeated < _REPEATS:
             raise MessageError(f'keyframe of the epoch {keyframe.epoch}, which is over')
 
     def _await(self, keyframe: Keyframe) -> Taken:
@@ -105,7 +105,7 @@ class Keyframes:
     def _enter(self, epoch: int) -> None:
         if self._epoch is not None and self._epoch != epoch:
             self._past_epochs.append(self._epoch)
-        self._epoch, self._insisted = epoch, 0
+        self._epoch, self._repeated = epoch, 0
 
     def _change_epoch(self, keyframe: Keyframe, now_ns: int) -> Taken:
         """Another sensor, or the same one started again."""

@@ -70,7 +70,7 @@ class ReferenceWatch:
         self.intervals = ReferenceIntervals(
             bounds, event_threshold=event_threshold, log_base=log_base, uncertainty=uncertainty
         )
-        self.intervals.listen_to(self.health.healthy)
+        self.intervals.restrict_to(self.health.healthy)
         self._state = ReferenceState(self.intervals)
         self._keyframes = Keyframes(self._state)
         self.anchors = Anchors(

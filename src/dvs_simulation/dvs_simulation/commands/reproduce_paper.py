@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from dvs_common.output_folder import output_folder
 from dvs_simulation.paper.reproduce import reproduce_paper
 
 
@@ -17,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Parser of the subcommand.
     """
     parser.add_argument(
-        '--output', type=Path, default=Path('out/paper'), help='folder of the results'
+        '--output', type=Path, default=Path('out'), help='folder of the results (out)'
     )
     parser.add_argument('--no-progress', action='store_true', help='no progress bar')
 
@@ -35,12 +36,13 @@ def run(options: argparse.Namespace) -> int:
     ParameterError
         If the output can't be a folder.
     """
-    rows = reproduce_paper(options.output, progress=not options.no_progress)
+    output = output_folder(options.output) / 'paper'
+    rows = reproduce_paper(output, progress=not options.no_progress)
     print(f'{"quantity":46} {"method":12}  r  reference     ours  deviation')
     for row in rows:
         print(
             f'{row.quantity:46} {row.method:12} {row.pixels or "":>2} {row.reference:10.5g} '
             f'{row.ours:8.5g} {row.deviation_percent:+9.2f} %   ({row.source})'
         )
-    print(f'report: {options.output / "report.html"}')
+    print(f'report: {output / "report.html"}')
     return 0

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dvs_common.errors import ParameterError
+from dvs_common.output_folder import output_folder
 from dvs_common.scenario.loop_file import read_loop_values
 from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import Scenario, load_scenario
@@ -22,7 +23,6 @@ from dvs_simulation.exact.run_figure import run_figure
 from dvs_simulation.exact.signals import judged
 from dvs_simulation.judging.measures import Judgement, error, settled_from, unsettled
 from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
-from dvs_simulation.output_folder import output_folder
 
 # Samples of y and z that the sector is checked on; more pixels have fewer samples.
 _MOST_SECTOR_VALUES = 4_000_000

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from dvs_common.errors import ParameterError
+from dvs_common.output_folder import output_file
 from dvs_common.scenario.scenario import load_scenario
 from dvs_simulation.sweep import own_plant
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
@@ -97,9 +98,7 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and value < least:
             raise ParameterError(name, value, f'must be >= {least}')
     study = _study(options)
-    path = options.output
-    if path.suffix != '.csv':
-        path = path / f'{study.name}.csv'
+    path = output_file(options.output, f'{study.name}.csv')
     try:
         table = run_study(
             study,

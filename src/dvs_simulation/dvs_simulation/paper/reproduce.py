@@ -10,8 +10,8 @@ from typing import Any
 from tqdm import tqdm
 
 from dvs_common.drawing import Figure
+from dvs_common.output_folder import output_folder
 from dvs_simulation import plotting
-from dvs_simulation.output_folder import output_folder
 from dvs_simulation.paper import corrections, figures
 from dvs_simulation.paper.animation import animate_platform
 from dvs_simulation.paper.experiments import (

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from dvs_common.errors import ParameterError
+from dvs_common.output_folder import output_folder
 from dvs_common.writing import naming_file, write_text
-from dvs_simulation.output_folder import output_folder
 from dvs_simulation.sweep.study import Row, Study, Task
 
 

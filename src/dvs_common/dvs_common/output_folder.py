@@ -1,4 +1,4 @@
-"""The folder that a command fills."""
+"""The folder that a command fills, and the file that it writes there."""
 
 from __future__ import annotations
 
@@ -27,3 +27,23 @@ def output_folder(path: Path) -> Path:
     except OSError as error:
         raise ParameterError('output', path, f"can't be made: {error.strerror}") from None
     return path
+
+
+def output_file(output: Path, name: str) -> Path:
+    """File of a result: `output` itself if it ends as `name` does, else `name` in that folder.
+
+    Parameters
+    ----------
+    output
+        What the user named, a folder or a file.
+    name
+        What the file is called in a folder.
+
+    Raises
+    ------
+    ParameterError
+        If the folder can't be made.
+    """
+    if output.suffix == Path(name).suffix:
+        return output
+    return output_folder(output) / name
