@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.wire.messages import parse_state
 from dvs_simulation.exact import ClosedLoop, simulate
 from dvs_simulation.paper.published import scenario
@@ -50,3 +51,17 @@ def test_dark_pixels_stop_the_run():
     plain = scenario('paper', 1).replace(photoreceptor='log', duration=0.5)
     with pytest.raises(ParameterError, match='luminosity'):
         run_sampled(plain)
+
+
+def test_model_and_scene_are_built_once_and_not_at_every_sample(monkeypatch):
+    built = []
+    for kind in (PlantModel, PixelScene):
+        check = kind.__post_init__
+        monkeypatch.setattr(kind, '__post_init__', lambda it, f=check: (built.append(it), f(it)))
+
+    def number_built(samples):
+        built.clear()
+        run_sampled(scenario('mirror', 1).replace(duration=samples * 1e-3, sampling_period=1e-3))
+        return len(built)
+
+    assert 0 < number_built(100) == number_built(10)
