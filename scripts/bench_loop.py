@@ -1,8 +1,8 @@
 """Measure the lockstep loop against the fastest trivial ring that rclpy offers.
 
-Both run as three processes over Fast DDS, in turns, within one run: the ratio of their cycle rates
-says what the loop costs beyond the middleware. The ring passes nine doubles around with rclpy's
-EventsExecutor and its message objects.
+Both run over Fast DDS, in turns, within one run, as three processes and as three nodes of one: the
+ratio of their cycle rates says what the loop costs beyond the middleware. The ring passes nine
+doubles around with rclpy's EventsExecutor and its message objects.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ import re
 import statistics
 import subprocess
 import time
+from collections.abc import Callable, Sequence
 from multiprocessing.queues import Queue
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
+from bench_rounds import figure
 
 ROOT = Path(__file__).resolve().parents[1]
 ROUNDS = 5
@@ -64,7 +66,7 @@ def _ring_node(
 
 
 def ring_rate(domain: int, seconds: float) -> float:
-    """Cycles per second of the trivial ring."""
+    """Cycles per second of the trivial ring of three processes."""
     context = multiprocessing.get_context('spawn')
     rates: Queue[float] = context.Queue()
     matched = context.Barrier(3)
@@ -80,20 +82,89 @@ def ring_rate(domain: int, seconds: float) -> float:
     return statistics.median(measured)
 
 
-def loop_rate(domain: int, seconds: float) -> float:
-    """Cycles per second of the lockstep loop at r = 9."""
+def _composed_ring(domain: int, rates: Queue[float], seconds: float) -> None:
+    os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    import array
+
+    import rclpy
+    from rclpy.experimental import EventsExecutor
+    from std_msgs.msg import Float64MultiArray
+
+    rclpy.init()
+    nodes = [rclpy.create_node(f'ring_{number}') for number in range(3)]
+    message = Float64MultiArray(data=array.array('d', range(9)))
+    publishers = [
+        node.create_publisher(Float64MultiArray, f'ring_{(number + 1) % 3}', 10)
+        for number, node in enumerate(nodes)
+    ]
+    hops = 0
+
+    def passing(number: int) -> Callable[[Float64MultiArray], None]:
+        def pass_on(_: Float64MultiArray) -> None:
+            nonlocal hops
+            hops += 1
+            publishers[number].publish(message)
+
+        return pass_on
+
+    executor = EventsExecutor()
+    for number, node in enumerate(nodes):
+        node.create_subscription(Float64MultiArray, f'ring_{number}', passing(number), 10)
+        executor.add_node(node)
+    while not all(publisher.get_subscription_count() for publisher in publishers):
+        executor.spin_once(timeout_sec=0.05)
+    publishers[0].publish(message)
+    start = time.perf_counter()
+    while (elapsed := time.perf_counter() - start) < seconds:
+        executor.spin_once(timeout_sec=0.1)
+    rates.put(hops / 3 / elapsed)
+    executor.shutdown()
+    rclpy.try_shutdown()
+
+
+def composed_ring_rate(domain: int, seconds: float) -> float:
+    """Cycles per second of the trivial ring of three nodes in one process."""
+    context = multiprocessing.get_context('spawn')
+    rates: Queue[float] = context.Queue()
+    ring = context.Process(target=_composed_ring, args=(domain, rates, seconds))
+    ring.start()
+    rate = rates.get(timeout=60)
+    ring.join(timeout=10)
+    return rate
+
+
+THREE_PROCESSES = (
+    ('dvs_event_camera', 'event_camera'),
+    ('dvs_hinf_controller', 'hinf_controller'),
+    ('dvs_plant_sim', 'plant_sim'),
+)
+ONE_PROCESS = (('dvs_closed_loop', 'composed_loop'),)
+
+
+def loop_output(
+    domain: int, seconds: float, programs: Sequence[tuple[str, str]], *parameters: str
+) -> str:
+    """What the plant of a loop at r = 9 has printed when its run is over.
+
+    Parameters
+    ----------
+    domain
+        ROS domain.
+    seconds
+        Simulated time.
+    programs
+        Package and executable of every process, the plant's last.
+    *parameters
+        ``name:=value``, for all nodes.
+    """
     environment = {
         **os.environ,
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
     arguments = ['--ros-args', '--params-file', str(ROOT / 'config' / 'mirror_r9.yaml')]
-    arguments += ['-p', f'duration:={seconds}']
-    programs = (
-        ('dvs_event_camera', 'event_camera'),
-        ('dvs_hinf_controller', 'hinf_controller'),
-        ('dvs_plant_sim', 'plant_sim'),
-    )
+    for parameter in (f'duration:={seconds}', *parameters):
+        arguments += ['-p', parameter]
     nodes = [
         subprocess.Popen(
             [f'{get_package_prefix(package)}/lib/{package}/{executable}', *arguments],
@@ -111,6 +182,12 @@ def loop_rate(domain: int, seconds: float) -> float:
             node.terminate()
         for node in nodes[:-1]:
             node.communicate()
+    return output
+
+
+def loop_rate(domain: int, seconds: float, programs: Sequence[tuple[str, str]]) -> float:
+    """Cycles per second of the lockstep loop at r = 9; see `loop_output`."""
+    output = loop_output(domain, seconds, programs)
     found = re.search(r'([0-9.]+) cycles/s', output)
     if found is None:
         raise RuntimeError(f'plant_sim did not finish its run: {output}')
@@ -126,15 +203,20 @@ def measure(quick: bool = False) -> dict[str, float]:
         One short round.
     """
     share = 0.1 if quick else 1.0
-    ratios = []
-    for turn in range(1 if quick else ROUNDS):
-        ring = ring_rate(30 + 2 * turn, share * RING_SECONDS)
-        loop = loop_rate(31 + 2 * turn, share * LOOP_SECONDS)
-        ratios.append(loop / ring)
-        print(
-            f'  round {turn + 1}: trivial ring {ring:.0f}, lockstep loop {loop:.0f} cycles/s, '
-            f'ratio {ratios[-1]:.2f}'
-        )
-    ratio = statistics.median(ratios)
-    print(f'lockstep_vs_ring = {ratio:.2f} (wanted: >= 0.70)')
-    return {'lockstep_vs_ring': ratio}
+    figures: dict[str, float] = {}
+    for name, ring_of, programs, wanted in (
+        ('lockstep_vs_ring', ring_rate, THREE_PROCESSES, 0.90),
+        ('composed_vs_ring', composed_ring_rate, ONE_PROCESS, 0.75),
+    ):
+        ratios = []
+        for turn in range(1 if quick else ROUNDS):
+            ring = ring_of(30 + 2 * turn, share * RING_SECONDS)
+            loop = loop_rate(31 + 2 * turn, share * LOOP_SECONDS, programs)
+            ratios.append(loop / ring)
+            print(
+                f'  round {turn + 1}: trivial ring {ring:.0f}, lockstep loop {loop:.0f} cycles/s, '
+                f'ratio {ratios[-1]:.2f}'
+            )
+        figures |= figure(name, ratios)
+        print(f'{name} = {figures[name]:.2f} (wanted: >= {wanted:.2f})')
+    return figures

@@ -128,5 +128,17 @@ if ! is_current "$root/install/.dvs" "$wanted"; then
     quote_interpreter
     echo "$wanted" >"$root/install/.dvs"
 fi
+# Kernels are compiled here, so that no first run is slow.
+mapfile -t kernels < <(find "$root/src" -name '*.py' -not -path '*/test/*' -exec grep -lE '^@(kernel|jit)' {} +)
+wanted=$(checksum "${kernels[@]}" "$root/scripts/compile_kernels.py")
+if ! is_current "$root/install/.dvs-kernels" "$wanted"; then
+    echo "compiling kernels (a minute or two the first time) ..."
+    if (enter_workspace && python "$root/scripts/compile_kernels.py") >"$log" 2>&1; then
+        echo "$wanted" >"$root/install/.dvs-kernels"
+    else
+        tail -n 1 "$log" >&2
+        echo "the kernels could not be compiled now: first runs will be slow" >&2
+    fi
+fi
 rm -f "$log"
 echo "ready: scripts/run.sh PKG EXE, or 'source install/setup.bash' and ros2 run PKG EXE"

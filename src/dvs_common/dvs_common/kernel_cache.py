@@ -2,8 +2,8 @@
 
 A compiled function holds the code of the functions that it calls and the constants that it reads.
 numba compiles it again where its own file has changed, but not where theirs have. Kernels stand in
-one folder with the functions and constants that they use, and here a change of any file of the
-folder makes all its kernels compile again.
+one folder with the functions and constants that they use, or name kernels of another folder, and
+here a change of any file of these folders makes all their kernels compile again.
 """
 
 from __future__ import annotations
@@ -30,11 +30,10 @@ class _FolderCache(_FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        folder = Path(inspect.getfile(function)).parent
         self._cache_file = _IndexFile(
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
-            source_stamp=(self._impl.locator.get_source_stamp(), _digest(folder)),
+            source_stamp=(self._impl.locator.get_source_stamp(), _digest(_folders(function))),
         )
 
     def load_overload(self, *arguments: Any) -> Any:
@@ -53,11 +52,18 @@ class _FolderCache(_FunctionCache):
             _tell(f'cannot be written ({type(error).__name__}: {error})')
 
 
+def _folders(function: Callable[..., Any]) -> tuple[Path, ...]:
+    """Folder of a function, and those of the kernels that its module names."""
+    named = (getattr(entry, 'py_func', None) for entry in function.__globals__.values())
+    files = {inspect.getfile(one) for one in (function, *named) if one is not None}
+    return tuple(sorted({Path(file).parent for file in files}))
+
+
 @cache
-def _digest(folder: Path) -> bytes:
-    """SHA-256 of the Python files of a folder."""
+def _digest(folders: tuple[Path, ...]) -> bytes:
+    """SHA-256 of the Python files of folders."""
     digest = hashlib.sha256()
-    for path in sorted(folder.glob('*.py')):
+    for path in (path for folder in folders for path in sorted(folder.glob('*.py'))):
         source = path.read_bytes()
         digest.update(f'{path.name}\n{len(source)}\n'.encode() + source)
     return digest.digest()

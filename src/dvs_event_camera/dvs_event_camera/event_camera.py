@@ -93,7 +93,13 @@ class EventCamera:
         self._invalid_before = 0
 
     @classmethod
-    def of_scenario(cls, scenario: Scenario, *, backend: str = 'auto') -> EventCamera:
+    def of_scenario(
+        cls,
+        scenario: Scenario,
+        *,
+        backend: str = 'auto',
+        first_reference: FloatArray | None = None,
+    ) -> EventCamera:
         """Camera with the parameters of a scenario.
 
         Parameters
@@ -102,6 +108,8 @@ class EventCamera:
             All parameters.
         backend
             `auto`, `numba` or `numpy`.
+        first_reference
+            ``|q(0)|``, shape (r,); None for what `initial_reference` says.
 
         Raises
         ------
@@ -109,7 +117,9 @@ class EventCamera:
             If parameters do not fit together.
         """
         camera = cls(
-            functools.partial(pixels_of_scenario, scenario, backend=backend),
+            functools.partial(
+                pixels_of_scenario, scenario, backend=backend, first_reference=first_reference
+            ),
             backend=backend,
             noise_rate=scenario.imperfections.leak_rate + scenario.imperfections.shot_noise_rate,
         )
@@ -346,6 +356,7 @@ def pixels_of_scenario(
     backend: str = 'auto',
     *,
     bounds: bool = True,
+    first_reference: FloatArray | None = None,
 ) -> PixelArray:
     """Pixel array with the parameters of a scenario.
 
@@ -361,6 +372,8 @@ def pixels_of_scenario(
         `auto`, `numba` or `numpy`.
     bounds
         Whether to work out the bounds of the references from the first sample.
+    first_reference
+        ``|q(0)|``, shape (r,); None for what `initial_reference` says.
 
     Raises
     ------
@@ -375,7 +388,9 @@ def pixels_of_scenario(
         bounds=_stated_bounds(scenario, luminosity) if bounds else None,
         reference_uncertainty=scenario.sensor.reference_uncertainty,
         strict_start=scenario.sensor.reference_uncertainty != _UNSTATED_UNCERTAINTY,
-        initial_reference=scenario.sensor.initial_reference,
+        initial_reference=(
+            scenario.sensor.initial_reference if first_reference is None else first_reference
+        ),
         seed=scenario.loop.seed,
         interpolation=scenario.camera.interpolation,
         imperfections=imperfections_of_scenario(scenario),

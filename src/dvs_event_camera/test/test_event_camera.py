@@ -198,9 +198,7 @@ def test_compiled_records_are_the_records():
 def test_memory_of_the_pixels_does_not_grow():
     array = PixelArray(event_threshold=0.1, backend='numpy')
     array.update(0, np.ones(1000))
-    owned = [
-        v.nbytes for v in vars(array._engine.comparator).values() if isinstance(v, np.ndarray)
-    ]
+    owned = [v.nbytes for v in vars(array.engine.comparator).values() if isinstance(v, np.ndarray)]
     assert sum(owned) <= 3 * 8 * 1000
 
 

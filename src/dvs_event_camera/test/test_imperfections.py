@@ -111,7 +111,7 @@ def test_mismatched_pixel_never_dies_on_a_ramp():
     array = array_with(h, threshold_mismatch=0.5, seed=5)
     levels = np.linspace(0, 2, 200)[:, None] * np.ones(size)
     events = run(array, np.arange(200) * MS, np.exp(levels))
-    theta = array._engine.comparator.state.on_thresholds
+    theta = array.engine.comparator.state.on_thresholds
     counts = net(events, size)
     assert np.array_equal(counts, array.counts)
     assert np.all(np.abs(2.0 - counts * theta) < theta * (1 + 1e-9))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from dvs_hinf_controller.running.held_input import HeldInputResponse
+from dvs_hinf_controller.running.held_input import MANY_JUMPS, HeldInputResponse
 
 DURATIONS = np.array([0.0, 1e-9, 1e-3, 0.37])
 
@@ -60,6 +60,28 @@ def test_special_systems_in_any_coordinates(a):
     assert_agrees(a, b)
     rotation = np.linalg.qr(np.random.default_rng(1).standard_normal(a.shape))[0]
     assert_agrees(rotation @ a @ rotation.T, rotation @ b)
+
+
+@pytest.mark.parametrize(
+    'a',
+    [
+        JORDAN,
+        np.diag([0.0, -1.0, -5.0]),
+        np.array([[-1.0, 30.0, 1.0], [-30.0, -1.0, 0.0], [0.0, 1.0, -2.0]]),
+    ],
+    ids=['defective', 'pole at zero', 'oscillator'],
+)
+@pytest.mark.parametrize('count', [3, MANY_JUMPS])
+def test_what_many_jumps_lead_to_is_the_sum_of_what_each_does(a, count):
+    random = np.random.default_rng(0)
+    jumps, durations = random.standard_normal(count), random.uniform(0, 0.4, count)
+    response = HeldInputResponse(a, np.arange(1.0, len(a) + 1))
+
+    found = response.jumped(jumps, durations)
+
+    each = response.response(durations)
+    scale = np.abs(jumps) @ np.abs(each)
+    assert np.all(np.abs(found - jumps @ each) <= 1e-14 * count**0.5 * scale)
 
 
 def test_poles_six_decades_apart_keep_twelve_digits():

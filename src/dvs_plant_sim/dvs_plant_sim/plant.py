@@ -43,7 +43,7 @@ class Plant:
         self._model = model
         self.state = state
         self._period_ns = period_ns
-        self._period_step = _held_input_step(model, period_ns)
+        self._period_step = held_input_step(model, period_ns)
 
     def advance(self, duration_ns: int, command: FloatArray) -> None:
         """Move on by `duration_ns` with the input held at `command`.
@@ -60,11 +60,20 @@ class Plant:
         if duration_ns == self._period_ns:
             transition, gain = self._period_step
         else:
-            transition, gain = _held_input_step(self._model, duration_ns)
+            transition, gain = held_input_step(self._model, duration_ns)
         self.state = transition @ self.state + gain @ command
 
 
-def _held_input_step(model: PlantModel, duration_ns: int) -> tuple[FloatArray, FloatArray]:
+def held_input_step(model: PlantModel, duration_ns: int) -> tuple[FloatArray, FloatArray]:
+    """``exp(A t)`` and ``int_0^t exp(A s) B ds``, shapes (n, n) and (n, m).
+
+    Parameters
+    ----------
+    model
+        A and B.
+    duration_ns
+        t, ns, >= 0.
+    """
     n, m = model.state_count, model.input_count
     generator = np.zeros((n + m, n + m))
     generator[:n, :n] = model.state_matrix

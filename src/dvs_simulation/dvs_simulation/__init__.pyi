@@ -7,5 +7,8 @@ from dvs_simulation.exact.trajectory import Trajectory as Trajectory
 from dvs_simulation.judging.trace import Trace as Trace
 from dvs_simulation.judging.verdict import Verdict as Verdict
 from dvs_simulation.judging.verdict import judge as judge
+from dvs_simulation.sampled.conditions import Conditions as Conditions
+from dvs_simulation.sampled.many_runs import ManyRuns as ManyRuns
+from dvs_simulation.sampled.many_runs import run_many as run_many
 from dvs_simulation.sampled.sampled_loop import SampledRun as SampledRun
 from dvs_simulation.sampled.sampled_loop import run_sampled as run_sampled

@@ -95,9 +95,9 @@ class NumpyComparator:
         self._counts: CountArray = np.zeros(levels.size, np.int32)
         self.signs: NDArray[np.int8] = np.broadcast_to(np.int8(1), levels.size)
         self.invalid = 0
-        self._previous: FloatArray = (levels - origin) / step
-        self._origin = origin
-        self._step = step
+        self.previous: FloatArray = (levels - origin) / step
+        self.origin = origin
+        self.step = step
 
     @property
     def counts(self) -> CountArray:
@@ -106,11 +106,11 @@ class NumpyComparator:
 
     def distances(self) -> FloatArray:
         """How far the last levels lie above their references, shape (r,)."""
-        return (self._previous - self._counts) * self._step
+        return (self.previous - self._counts) * self.step
 
     def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
         """Start pixels; see `Comparator.start_pixels`."""
-        self._previous[pixels] = 0.0
+        self.previous[pixels] = 0.0
 
     def begin(self, start_ns: int, duration_ns: int, luminosity: NDArray[np.generic]) -> None:
         """Start an interval; see `Comparator.begin`."""
@@ -121,9 +121,9 @@ class NumpyComparator:
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
         """Compare a tile; see `Comparator.fire`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        levels -= self._origin[tile]
-        levels /= self._step
-        previous = self._previous[tile]
+        levels -= self.origin[tile]
+        levels /= self.step
+        previous = self.previous[tile]
         if not self._is_quiet(levels, self._counts[tile]):
             self.invalid += hold_invalid(levels, previous)
             self._expect(levels, self._counts[tile])

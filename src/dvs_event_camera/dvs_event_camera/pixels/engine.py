@@ -88,7 +88,7 @@ class NumpyPixels:
         self, comparator: Comparator, photoreceptor: Photoreceptor, stages: Sequence[LevelStage]
     ) -> None:
         self.comparator = comparator
-        self._receptor, self._stages = photoreceptor, stages
+        self.photoreceptor, self.stages = photoreceptor, stages
         self._scratch = np.empty(min(TILE, comparator.counts.size))
 
     @property
@@ -124,16 +124,16 @@ class NumpyPixels:
         for first in range(0, luminosity.size, TILE):
             tile = luminosity[first : first + TILE]
             levels = self._levels(np.asarray(tile, dtype=np.float64))
-            for stage in self._stages:
+            for stage in self.stages:
                 stage.apply(levels, first, elapsed_ns, duration_ns)
             self.comparator.fire(levels, first)
         return self.comparator.finish()
 
     @property
     def _takes_light(self) -> bool:
-        return self._receptor.dead_band is not None
+        return self.photoreceptor.dead_band is not None
 
     def _levels(self, light: FloatArray) -> FloatArray:
         if self._takes_light:
             return light
-        return self._receptor.levels(light, out=self._scratch[: light.size])
+        return self.photoreceptor.levels(light, out=self._scratch[: light.size])

@@ -33,8 +33,8 @@ class HermiteComparator(NumpyComparator):
 
     def __init__(self, levels: FloatArray, origin: FloatArray, step: float) -> None:
         super().__init__(levels, origin, step)
-        self._older = self._previous.copy()
-        self._oldest = self._previous.copy()
+        self._older = self.previous.copy()
+        self._oldest = self.previous.copy()
         self._durations: list[int] = []
 
     def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray) -> None:
@@ -50,7 +50,7 @@ class HermiteComparator(NumpyComparator):
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
         """Compare a tile; see `comparators.Comparator.fire`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        previous = self._previous[tile].copy()
+        previous = self.previous[tile].copy()
         super().fire(levels, first_pixel)
         self._oldest[tile] = self._older[tile]
         self._older[tile] = previous

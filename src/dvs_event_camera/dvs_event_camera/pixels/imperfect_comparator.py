@@ -34,7 +34,7 @@ class ImperfectComparator:
         self.invalid = 0
         self.signs: NDArray[np.int8] = np.broadcast_to(np.int8(1), levels.size)
         self.state = state
-        self._previous = levels.copy()
+        self.previous = levels.copy()
 
     @property
     def counts(self) -> CountArray:
@@ -43,7 +43,7 @@ class ImperfectComparator:
 
     def start_pixels(self, pixels: IndexArray, levels: FloatArray) -> None:
         """Start pixels; see `comparators.Comparator.start_pixels`."""
-        self._previous[pixels] = levels
+        self.previous[pixels] = levels
         self.state.start_pixels(pixels)
 
     def begin(self, start_ns: int, duration_ns: int, luminosity: NDArray[np.generic]) -> None:
@@ -51,13 +51,13 @@ class ImperfectComparator:
         self._start_ns, self._duration_ns = start_ns, duration_ns
         self._expected = 0.0
         self.state.shots.draw(duration_ns, luminosity)
-        self._shots = ShotQueue(self.state.shots, self._previous.size)
+        self._shots = ShotQueue(self.state.shots, self.previous.size)
         self._found: list[tuple[IndexArray, IndexArray, NDArray[np.int8], NDArray[np.bool_]]] = []
 
     def fire(self, levels: FloatArray, first_pixel: int) -> None:
         """Compare a tile; see `comparators.Comparator.fire`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        previous = self._previous[tile]
+        previous = self.previous[tile]
         self.invalid += hold_invalid(levels, previous)
         reference = self.state.references(tile)
         upper = reference + self.state.on_thresholds[tile]

@@ -125,18 +125,18 @@ class Leak:
         self._kernels = kernels
         self.rates = rates
         self._step = step
-        self._phase = np.where(rates > 0, rng.random(rates.size), 0.0)
+        self.phase = np.where(rates > 0, rng.random(rates.size), 0.0)
 
     def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
         """Begin to leak; see `LevelStage.start_pixels`."""
-        self._phase[pixels] -= self.rates[pixels] * as_seconds(elapsed_ns)
+        self.phase[pixels] -= self.rates[pixels] * as_seconds(elapsed_ns)
 
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int
     ) -> None:
         """Leak; see `LevelStage.apply`."""
         tile = slice(first_pixel, first_pixel + levels.size)
-        phase, rates, seconds = self._phase[tile], self.rates[tile], as_seconds(elapsed_ns)
+        phase, rates, seconds = self.phase[tile], self.rates[tile], as_seconds(elapsed_ns)
         if self._kernels is not None:
             self._kernels.leak(levels, phase, rates, seconds, self._step)
             return
@@ -145,7 +145,7 @@ class Leak:
     def ahead_ns(self) -> NDArray[np.int64]:
         """Time by which each pixel has leaked at the first sample already, ns, shape (r,)."""
         leaks = self.rates > 0
-        seconds = np.divide(self._phase, self.rates, out=np.zeros(leaks.size), where=leaks)
+        seconds = np.divide(self.phase, self.rates, out=np.zeros(leaks.size), where=leaks)
         return (seconds * NANOSECONDS).astype(np.int64)
 
     def due(self, elapsed_ns: int) -> NDArray[np.int64]:
@@ -157,7 +157,7 @@ class Leak:
             Time since the first sample, ns.
         """
         # The margin is for a pixel in constant light, whose event comes at the very instant.
-        leaked = self._phase + self.rates * as_seconds(elapsed_ns)
+        leaked = self.phase + self.rates * as_seconds(elapsed_ns)
         return np.floor(leaked + 1e-6).astype(np.int64)
 
 
@@ -173,22 +173,22 @@ class DeadPixels:
     """
 
     def __init__(self, levels: FloatArray, dead: NDArray[np.int64]) -> None:
-        self._dead = dead
-        self._frozen = levels[dead]
+        self.dead = dead
+        self.frozen = levels[dead]
 
     def start_pixels(self, pixels: NDArray[np.int64], levels: FloatArray, elapsed_ns: int) -> None:
         """Freeze at the first level; see `LevelStage.start_pixels`."""
-        place = np.searchsorted(self._dead, pixels)
-        known = place < self._dead.size
-        known[known] = self._dead[place[known]] == pixels[known]
-        self._frozen[place[known]] = levels[known]
+        place = np.searchsorted(self.dead, pixels)
+        known = place < self.dead.size
+        known[known] = self.dead[place[known]] == pixels[known]
+        self.frozen[place[known]] = levels[known]
 
     def apply(
         self, levels: FloatArray, first_pixel: int, elapsed_ns: int, duration_ns: int
     ) -> None:
         """Freeze; see `LevelStage.apply`."""
-        low, high = np.searchsorted(self._dead, [first_pixel, first_pixel + levels.size])
-        levels[self._dead[low:high] - first_pixel] = self._frozen[low:high]
+        low, high = np.searchsorted(self.dead, [first_pixel, first_pixel + levels.size])
+        levels[self.dead[low:high] - first_pixel] = self.frozen[low:high]
 
 
 def level_stages(

@@ -57,7 +57,8 @@ class PixelArray:
     reference_uncertainty
         dy of the bounds around the first sample, in the unit of luminosity (unused with `bounds`).
     initial_reference
-        `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start.
+        `luminosity`, `lower`, `upper` or `random`: where in [m, M] the references start; or the
+        references themselves, shape (r,).
     strict_start
         Whether a pixel that `reference_uncertainty` would let fire at the first sample is an
         error; otherwise its reference is its first luminosity.
@@ -88,7 +89,7 @@ class PixelArray:
         photoreceptor: Photoreceptor | None = None,
         bounds: ReferenceBounds | None = None,
         reference_uncertainty: float = 0.0,
-        initial_reference: str = 'luminosity',
+        initial_reference: str | FloatArray = 'luminosity',
         strict_start: bool = True,
         seed: int = 0,
         interpolation: str = 'linear_log',
@@ -120,7 +121,7 @@ class PixelArray:
         self._bounds: ReferenceBounds
         self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
         self._silent_frame: list[float] | None = None
-        self._engine: PixelEngine
+        self.engine: PixelEngine
 
     @property
     def stamp_ns(self) -> int | None:
@@ -130,20 +131,25 @@ class PixelArray:
     @property
     def counts(self) -> NDArray[np.int32]:
         """N, the sum of polarities given out since the first sample, shape (r,); a copy."""
-        counts = self._engine.counts.copy()
-        if self._delay is not None:
-            counts -= self._delay.held_counts(counts.size).astype(np.int32)
+        counts = self.engine.counts.copy()
+        if self.delay is not None:
+            counts -= self.delay.held_counts(counts.size).astype(np.int32)
         return counts
 
     @property
     def signs(self) -> NDArray[np.int8]:
         """Sign s of every reference, shape (r,); a copy. All +1 but with `signed_log`."""
-        return self._engine.signs.copy()
+        return self.engine.signs.copy()
 
     @property
     def event_threshold(self) -> float:
         """h at which the pixels fire now."""
         return self._event_threshold
+
+    @property
+    def log_step(self) -> float:
+        """Threshold as a change of the level, ``h ln b``."""
+        return self._step
 
     @property
     def bounds(self) -> ReferenceBounds:
@@ -153,12 +159,12 @@ class PixelArray:
     @property
     def reference_levels(self) -> FloatArray:
         """Level of every reference (log |q|) of ideal pixels, shape (r,)."""
-        return self._origin + self._engine.counts * self._step
+        return self._origin + self.engine.counts * self._step
 
     @property
     def invalid_samples(self) -> int:
         """Pixel samples so far without meaning (y <= 0, NaN, infinite), at which a pixel held."""
-        return self._invalid_before + self._engine.invalid
+        return self._invalid_before + self.engine.invalid
 
     @property
     def waiting(self) -> NDArray[np.int64]:
@@ -201,11 +207,11 @@ class PixelArray:
         step = threshold_step(event_threshold, self._log_base)
         self._catch_up()
         origin = self.reference_levels
-        position = np.clip(self._engine.distances() / step, -_INSIDE, _INSIDE)
-        self._invalid_before += self._engine.invalid
+        position = np.clip(self.engine.distances() / step, -_INSIDE, _INSIDE)
+        self._invalid_before += self.engine.invalid
         self._origin, self._step, self._off_step = origin, step, step
         self._event_threshold = event_threshold
-        self._engine = engine_of(
+        self.engine = engine_of(
             PixelLaw(photoreceptor=self._receptor, step=step),
             origin,
             origin + position * step,
@@ -284,9 +290,9 @@ class PixelArray:
         lower, upper = self._bounds.lower.copy(), self._bounds.upper.copy()
         lower[pixels], upper[pixels] = started.lower, started.upper
         self._bounds = ReferenceBounds(lower=lower, upper=upper)
-        for stage in self._stages:
+        for stage in self.stages:
             stage.start_pixels(pixels, levels, stamp_ns - self._first_ns)
-        self._engine.start_pixels(pixels, light)
+        self.engine.start_pixels(pixels, light)
         self._band = self._silent_band()
 
     def _expose_small(
@@ -312,12 +318,12 @@ class PixelArray:
     def _silent_band(self) -> SilentBand | None:
         """Where these pixels are silent; None if they are many or not the ideal ones."""
         ideal = (
-            isinstance(self._engine, NumpyPixels)
-            and type(self._engine.comparator) is NumpyComparator
+            isinstance(self.engine, NumpyPixels)
+            and type(self.engine.comparator) is NumpyComparator
             and isinstance(self._receptor, LogPhotoreceptor)
             and self._labels is None
-            and self._delay is None
-            and not self._stages
+            and self.delay is None
+            and not self.stages
         )
         if not ideal or self._origin.size > LARGEST_ARRAY:
             return None
@@ -327,13 +333,13 @@ class PixelArray:
         """Events since the frame that the comparators saw last."""
         duration_ns = stamp_ns - self._exposed_ns
         elapsed_ns = stamp_ns - self._first_ns
-        events = self._engine.expose(sample, self._exposed_ns, duration_ns, elapsed_ns)
+        events = self.engine.expose(sample, self._exposed_ns, duration_ns, elapsed_ns)
         self._exposed_ns = stamp_ns
         if self._labels is not None:
-            leak = next((stage for stage in self._stages if isinstance(stage, Leak)), None)
+            leak = next((stage for stage in self.stages if isinstance(stage, Leak)), None)
             events = self._labels.label(events, leak, stamp_ns, elapsed_ns)
-        if self._delay is not None:
-            events = self._delay.pass_through(events, stamp_ns)
+        if self.delay is not None:
+            events = self.delay.pass_through(events, stamp_ns)
         return events
 
     def _start(self, luminosity: NDArray[np.generic]) -> None:
@@ -350,7 +356,8 @@ class PixelArray:
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
         self._origin = np.array(reference_levels(self._receptor, references))
-        self._build(luminosity, np.where(dark, self._origin, self._receptor.levels(sample)))
+        self.first_levels: FloatArray = np.where(dark, self._origin, self._receptor.levels(sample))
+        self._build(luminosity, self.first_levels)
         self._band = self._silent_band()
 
     def _bounds_around(self, sample: FloatArray) -> ReferenceBounds:
@@ -368,17 +375,17 @@ class PixelArray:
             if wanted.change_comparators
             else None
         )
-        self._stages: list[LevelStage] = []
+        self.stages: list[LevelStage] = []
         if wanted.change_levels:
-            self._stages = level_stages(wanted, levels, self._step, streams[1], kernels)
+            self.stages = level_stages(wanted, levels, self._step, streams[1], kernels)
         law = PixelLaw(
             photoreceptor=self._receptor,
             step=self._step,
             cubic=self._interpolation == 'hermite',
             state=state,
-            stages=self._stages,
+            stages=self.stages,
         )
-        self._engine = engine_of(
+        self.engine = engine_of(
             law,
             luminosity,
             levels,
@@ -387,7 +394,7 @@ class PixelArray:
             threads=self._threads,
         )
         self._labels = noise_labels_of(wanted, levels.size, kernels) if self._label_noise else None
-        self._delay = (
+        self.delay = (
             DelayLine(
                 wanted.latency * NANOSECONDS, wanted.jitter * NANOSECONDS, streams[2], kernels
             )

@@ -108,14 +108,15 @@ def require_silent_start(
 
 
 def initial_references(
-    kind: str, bounds: ReferenceBounds, luminosity: FloatArray, seed: int
+    kind: str | FloatArray, bounds: ReferenceBounds, luminosity: FloatArray, seed: int
 ) -> FloatArray:
     """``|q(0)|`` of every pixel, shape (r,).
 
     Parameters
     ----------
     kind
-        `luminosity` (``|y(0)|``), `lower` (m), `upper` (M) or `random` (log-uniform in [m, M]).
+        `luminosity` (``|y(0)|``), `lower` (m), `upper` (M) or `random` (log-uniform in [m, M]);
+        or the references themselves, shape (r,).
     bounds
         m and M, shape (r,).
     luminosity
@@ -126,8 +127,10 @@ def initial_references(
     Raises
     ------
     ParameterError
-        If `kind` is unknown, or is `luminosity` and ``|y(0)|`` of a pixel lies outside [m, M].
+        If `kind` is unknown, or a reference lies outside [m, M].
     """
+    if not isinstance(kind, str):
+        return _given_references(kind, bounds)
     if kind not in get_args(InitialReference):
         raise ParameterError(
             'initial_reference', kind, f'must be one of {", ".join(get_args(InitialReference))}'
@@ -149,3 +152,17 @@ def initial_references(
             f'[{bounds.lower[i]:.9g}, {bounds.upper[i]:.9g}] (paper, A1)',
         )
     return reference
+
+
+def _given_references(references: FloatArray, bounds: ReferenceBounds) -> FloatArray:
+    given = np.asarray(references, np.float64)
+    within = given.shape == bounds.lower.shape and bool(
+        np.all((given >= bounds.lower) & (given <= bounds.upper))
+    )
+    if not within:
+        raise ParameterError(
+            'initial_reference',
+            given.tolist(),
+            f'must have {bounds.lower.size} entries, each within its bounds (paper, A1)',
+        )
+    return given.copy()

@@ -110,9 +110,9 @@ class EventController:
         self._begin()
 
     def _aim(self, problem: DesignProblem, controller: LinearController) -> None:
-        self._problem = problem
+        self.problem = problem
         self._controller = controller
-        self._response = HeldInputResponse(controller.state_matrix, controller.input_vector)
+        self.response = HeldInputResponse(controller.state_matrix, controller.input_vector)
         self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
         self._target = problem.set_point_luminosity
         self._mean_target = float(self._target.mean())
@@ -121,10 +121,10 @@ class EventController:
 
     def _begin(self) -> None:
         self._duration_ns = 0
-        self._state = np.zeros(self._controller.order)
+        self.state = np.zeros(self._controller.order)
         self._resting = self._feedforward
-        self._deviation = 0.0
-        self._is_blind = False
+        self.deviation = 0.0
+        self.is_blind = False
         if self.limiter is not None:
             self.limiter.begin(self._feedforward)
         self._refresh()
@@ -133,13 +133,13 @@ class EventController:
     def _refresh(self) -> None:
         """Take over what is known now; where nothing is, rest until something is."""
         is_blind = not self.references.intervals.active_count
-        if is_blind and not self._is_blind:
+        if is_blind and not self.is_blind:
             self._resting = (
-                self._command_of(self._state) if self._holds_unknown else self._feedforward
+                self._command_of(self.state) if self._holds_unknown else self._feedforward
             )
-            self._state = np.zeros(self._controller.order)
-        self._is_blind = is_blind
-        self._deviation = self._mean_deviation()
+            self.state = np.zeros(self._controller.order)
+        self.is_blind = is_blind
+        self.deviation = self._mean_deviation()
 
     def redirect(self, problem: DesignProblem, controller: LinearController) -> None:
         """Aim at another set-point from the last packet on; what is known of the pixels stays.
@@ -157,14 +157,14 @@ class EventController:
         )
         self._aim(problem, controller)
         if not same:
-            self._state = np.zeros(controller.order)
+            self.state = np.zeros(controller.order)
         if not self._holds_unknown:
             self._resting = self._feedforward
-        self._deviation = self._mean_deviation()
+        self.deviation = self._mean_deviation()
 
     def _mean_deviation(self) -> float:
         known = self.references.intervals
-        if self._is_blind:
+        if self.is_blind:
             return 0.0
         target = self._mean_target
         if known.active_count != known.active.size:
@@ -221,19 +221,19 @@ class EventController:
     @property
     def _wanted(self) -> FloatArray:
         """The command before any limit."""
-        if self._is_blind:
+        if self.is_blind:
             return self._resting
-        ahead = self._ahead.command_at(self._state, deviation=self._deviation)
-        return self._command_of(self._state) if ahead is None else ahead
+        ahead = self._ahead.command_at(self.state, deviation=self.deviation)
+        return self._command_of(self.state) if ahead is None else ahead
 
     def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
-        command = k.output_matrix @ state + k.feedthrough * self._deviation
+        command = k.output_matrix @ state + k.feedthrough * self.deviation
         return command + self._feedforward
 
     def _limit(self, duration_ns: int) -> None:
         if self.limiter is not None:
-            self.limiter.take(self._wanted, as_seconds(duration_ns), is_resting=self._is_blind)
+            self.limiter.take(self._wanted, as_seconds(duration_ns), is_resting=self.is_blind)
 
     def look_ahead(self) -> None:
         """Work out, while there is time, the answer to a next packet that is as long and empty."""
@@ -241,8 +241,8 @@ class EventController:
         self._ahead.keep(
             Silence(
                 duration_ns=self._duration_ns,
-                before=self._state,
-                deviation=self._deviation,
+                before=self.state,
+                deviation=self.deviation,
                 state=state,
                 command=self._command_of(state),
             )
@@ -282,12 +282,12 @@ class EventController:
         self._duration_ns = taken.duration_ns
         if len(taken.jumps):
             ages_ns = np.minimum(-packet.events['t'].astype(np.int64), self._duration_ns)
-            responses = self._response.response(as_seconds(ages_ns))
-            self._state = self._held(self._duration_ns) + taken.jumps @ responses
+            moved = self.response.jumped(taken.jumps, as_seconds(ages_ns))
+            self.state = self._held(self._duration_ns) + moved
         else:
             self._keep_still()
-        if self._is_blind:
-            self._state = np.zeros(self._controller.order)
+        if self.is_blind:
+            self.state = np.zeros(self._controller.order)
         if self.limiter is not None:
             self.limiter.advance(as_seconds(self._duration_ns))
         report = self._noticed(taken)
@@ -307,9 +307,9 @@ class EventController:
     def _keep_still(self) -> None:
         """Pass an interval without events."""
         ahead = self._ahead.state_after(
-            self._duration_ns, before=self._state, deviation=self._deviation
+            self._duration_ns, before=self.state, deviation=self.deviation
         )
-        self._state = self._held(self._duration_ns) if ahead is None else ahead
+        self.state = self._held(self._duration_ns) if ahead is None else ahead
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
         """Take what the sensor tells of itself; see `ReferenceWatch.take_keyframe`.
@@ -346,7 +346,7 @@ class EventController:
 
     def _check(self, packet: EventPacket) -> None:
         events = packet.events
-        scene = self._problem.scene
+        scene = self.problem.scene
         if int(events['x'].max()) >= scene.width or int(events['y'].max()) >= scene.height:
             raise MessageError(
                 f'event at x = {events["x"].max()}, y = {events["y"].max()} lies outside of the '
@@ -360,15 +360,15 @@ class EventController:
     def _held(self, duration_ns: int) -> FloatArray:
         """State of K after a time in which the estimate holds its last value."""
         if duration_ns == 0:
-            return self._state
+            return self.state
         step = self._steps.get(duration_ns)
         if step is None:
             duration_s = as_seconds(duration_ns)
             step = (
-                self._response.transition(duration_s),
-                self._response.response(np.array([duration_s]))[0],
+                self.response.transition(duration_s),
+                self.response.response(np.array([duration_s]))[0],
             )
             if len(self._steps) < _KEPT_STEPS:
                 self._steps[duration_ns] = step
         transition, gain = step
-        return transition @ self._state + gain * self._deviation
+        return transition @ self.state + gain * self.deviation

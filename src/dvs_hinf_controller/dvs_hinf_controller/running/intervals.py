@@ -75,8 +75,8 @@ class ReferenceIntervals:
         self._begin(bounds.lower * leaked, bounds.upper)
 
     def _set_step(self, event_threshold: float) -> None:
-        self._bounds = self._bounds_of(event_threshold)
-        self._step, self._spacings = self._bounds.step, self._bounds.spacings
+        self.step_bounds = self._bounds_of(event_threshold)
+        self._step, self._spacings = self.step_bounds.step, self.step_bounds.spacings
 
     def _bounds_of(self, event_threshold: float) -> StepBounds:
         return StepBounds.of(
@@ -114,7 +114,7 @@ class ReferenceIntervals:
     @property
     def event_threshold(self) -> float:
         """h."""
-        return self._bounds.event_threshold
+        return self.step_bounds.event_threshold
 
     @property
     def log_step(self) -> float:
@@ -124,7 +124,7 @@ class ReferenceIntervals:
     @property
     def log_thresholds(self) -> float:
         """``h ln b`` with the uncertainty of the thresholds, the mean of ON and OFF."""
-        return 0.5 * (self._bounds.on + self._bounds.off)
+        return 0.5 * (self.step_bounds.on + self.step_bounds.off)
 
     @property
     def error_bounds(self) -> FloatArray:
@@ -153,12 +153,12 @@ class ReferenceIntervals:
             upper = np.where(usable, upper, self._counted[1])
             usable = half_widths(lower, upper) <= UNKNOWN_WIDTH
         if usable.all():
-            self._first = best_estimate(lower, upper, **self._spacings)
+            self.first = best_estimate(lower, upper, **self._spacings)
         else:
-            self._first = np.zeros(lower.size)
-            self._first[usable] = best_estimate(lower[usable], upper[usable], **self._spacings)
+            self.first = np.zeros(lower.size)
+            self.first[usable] = best_estimate(lower[usable], upper[usable], **self._spacings)
         self._usable = usable
-        self.estimate = self.signs * self._first * np.exp(self.counts * self._step)
+        self.estimate = self.signs * self.first * np.exp(self.counts * self._step)
         self._choose()
 
     def _choose(self) -> None:
@@ -207,7 +207,7 @@ class ReferenceIntervals:
         require_finite(logarithm)
         before = self.estimate[turns.pixel]
         self._widen_for_mismatch(pixels, polarities)
-        after = signs[turns.order] * self._first[turns.pixel] * np.exp(logarithm)
+        after = signs[turns.order] * self.first[turns.pixel] * np.exp(logarithm)
         before[1:] = np.where(turns.is_first[1:], before[1:], after[:-1])
         last = turns.pixel[turns.is_last]
         self.counts[last] = turns.counts[turns.is_last]
@@ -235,14 +235,14 @@ class ReferenceIntervals:
         jumps = np.empty(len(pixels))
         growth = np.exp(np.arange(low, high + 1) * self._step)
         kernels.jump(
-            *(pixels, signs, running, growth, low, self._first, self.estimate, self.signs),
+            *(pixels, signs, running, growth, low, self.first, self.estimate, self.signs),
             *(self.active, self.active_count, jumps),
         )
         return jumps
 
     def _widen_for_mismatch(self, pixels: NDArray[np.intp], polarities: NDArray[np.int8]) -> None:
         """Widen for events of thresholds that are not quite h; the estimates follow later."""
-        slack_on, slack_off = self._bounds.slacks
+        slack_on, slack_off = self.step_bounds.slacks
         if not slack_on and not slack_off:
             return
         slack = np.where(polarities > 0, slack_on, slack_off)
@@ -284,13 +284,15 @@ class ReferenceIntervals:
             return
         # Of one threshold too many or too few to be a number.
         most = LARGEST_LOGARITHM / self._step
-        up, down = (math.exp(x * min(count, most)) for x in (self._bounds.on, -self._bounds.off))
+        up, down = (
+            math.exp(x * min(count, most)) for x in (self.step_bounds.on, -self.step_bounds.off)
+        )
         if self._counted is None:
             self._counted = self.lower.copy(), self.upper.copy()
         # A missing ON event hides a rise of the reference, a missing OFF event a fall.
         self.lower *= 0.0 if count > most else down
         self.upper *= math.inf if count > most else up
-        mismatch = math.exp(min(count, most) * max(self._bounds.slacks))
+        mismatch = math.exp(min(count, most) * max(self.step_bounds.slacks))
         lower, upper = self._counted
         self._counted = lower / mismatch, upper * mismatch
         self._renew()
@@ -387,7 +389,7 @@ class ReferenceIntervals:
             What has happened since.
         """
         measured = (luminosity > 0) & np.isfinite(luminosity)
-        lower, upper = self._bounds.around(
+        lower, upper = self.step_bounds.around(
             np.where(measured, luminosity, 1.0), counts=self.counts, passed=passed
         )
         contradicted = measured & ((lower > self.upper) | (upper < self.lower))

@@ -213,10 +213,11 @@ def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
     from dvs_simulation.judging.figure import save_figure
     from dvs_simulation.judging.trace import decode_trace
     from dvs_simulation.judging.verdict import Promised, judge
-    from dvs_simulation.sampled.sampled_loop import run_sampled
+    from dvs_simulation.sampled.sampled_loop import run_by_messages
 
     started = time.perf_counter()
-    sampled = run_sampled(scenario)
+    sampled = run_by_messages(scenario)
+    assert sampled.controller is not None
     trace = decode_trace(sampled.messages)
     verdict = judge(
         trace,

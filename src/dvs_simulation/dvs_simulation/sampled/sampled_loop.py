@@ -1,8 +1,9 @@
-"""The sampled loop without ROS: the nodes' own cores in one process, message by message.
+"""The sampled loop without ROS: the nodes' own cores in one process, or compiled as a whole.
 
-Drives the same cores in the same order as the nodes do in lockstep, through the same serialized
-messages, so that it gives the bytes of the ROS loop at any sampling period. (A middleware may fill
-a message up to a multiple of four bytes on its way.)
+`run_by_messages` drives the same cores in the same order as the nodes do in lockstep, through the
+same serialized messages, so that it gives the bytes of the ROS loop at any sampling period. (A
+middleware may fill a message up to a multiple of four bytes on its way.) `run_sampled` gives the
+same bytes, from compiled code where the scenario has nothing but what is compiled.
 """
 
 from __future__ import annotations
@@ -38,10 +39,16 @@ from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_plant_sim.disturbance import disturbed
 from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.plant import Plant
+from dvs_simulation.sampled.compiled_loop import compiled_loop
+from dvs_simulation.sampled.conditions import AS_IN_SCENARIO, Conditions
+from dvs_simulation.sampled.messages import messages_of
+from dvs_simulation.sampled.schedule import Schedule
 
 Optics = Callable[[FloatArray], FloatArray]
 
 _TOPICS = (LUMINOSITY, STATE, EVENTS, COMMAND, ESTIMATE)
+# Samples from which on compiled code pays: loading it takes a second or two.
+_WORTH_COMPILING = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,16 +62,25 @@ class SampledRun:
     design
         The controller that ran.
     controller
-        It, as the run has left it.
+        It, as the run has left it; None where compiled code ran in its place, with the same bytes.
     """
 
     messages: dict[str, list[bytes]] = field(default_factory=dict)
     design: Design
-    controller: EventController
+    controller: EventController | None
+
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled code made the messages."""
+        return self.controller is None
 
 
 def run_sampled(
-    scenario: Scenario, *, plant: Dynamics | None = None, luminosity: Optics | None = None
+    scenario: Scenario,
+    *,
+    plant: Dynamics | None = None,
+    luminosity: Optics | None = None,
+    conditions: Conditions = AS_IN_SCENARIO,
 ) -> SampledRun:
     """Run a scenario in lockstep at its `sampling_period`, without ROS.
 
@@ -76,6 +92,8 @@ def run_sampled(
         Plant at its initial state; None for the linear one of the scenario.
     luminosity
         What every pixel sees of a state, (n,) to (r,); None for ``c'(x + dx_i)``.
+    conditions
+        What acts on the run beside the scenario.
 
     Raises
     ------
@@ -85,37 +103,102 @@ def run_sampled(
     SynthesisError
         If no controller exists.
     """
+    own = plant is None and luminosity is None
+    if own and scenario.sample_count >= _WORTH_COMPILING:
+        design = _design(scenario)
+        loop = compiled_loop(scenario, design)
+        found = None if loop is None else loop.run(conditions)
+        if found is not None and found.is_whole:
+            messages = messages_of(found, scenario)
+            return SampledRun(messages=messages, design=design, controller=None)
+        return run_by_messages(scenario, conditions=conditions, design=design)
+    return run_by_messages(scenario, plant=plant, luminosity=luminosity, conditions=conditions)
+
+
+def _design(scenario: Scenario) -> Design:
+    scenario.model.require_stabilizable()
+    scenario.model.require_detectable()
+    return design_from_scenario(scenario)
+
+
+def run_by_messages(
+    scenario: Scenario,
+    *,
+    plant: Dynamics | None = None,
+    luminosity: Optics | None = None,
+    conditions: Conditions = AS_IN_SCENARIO,
+    design: Design | None = None,
+) -> SampledRun:
+    """Run a scenario message by message through the nodes' cores: the reference.
+
+    Parameters
+    ----------
+    scenario, plant, luminosity, conditions
+        See `run_sampled`.
+    design
+        Controller; None to design it.
+
+    Raises
+    ------
+    ParameterError, SynthesisError
+        See `run_sampled`.
+    """
     if not scenario.sample_count:
         raise ParameterError('duration', scenario.loop.duration, 'must be > 0 for a sampled run')
     model = scenario.model
-    model.require_stabilizable()
-    model.require_detectable()
-    design = design_from_scenario(scenario)
-    run = SampledRun(
-        design=design,
-        controller=event_controller(design, scenario),
-        messages={name: [] for name in _TOPICS},
+    design = design or _design(scenario)
+    conditions.check(
+        samples=scenario.sample_count + 1, states=model.state_count, inputs=model.input_count
     )
-    linear = Plant(
-        model, initial_state=scenario.initial_state, period_ns=scenario.sampling_period_ns
-    )
-    moving = disturbed(plant or linear, scenario)
+    controller = event_controller(design, scenario)
+    run = SampledRun(design=design, controller=controller, messages={name: [] for name in _TOPICS})
+    plant_input = _PlantInput(scenario, plant or _linear_plant(scenario, conditions), conditions)
     scene = scenario.scene
     sees = luminosity or partial(scene.luminosity, model)
     unknown = scenario.disturbance.output_disturbance
-    camera = EventCamera.of_scenario(scenario)
-    controller = run.controller
+    camera = EventCamera.of_scenario(scenario, first_reference=conditions.first_reference)
     frames = AnchorFrames.of_scenario(scenario)
     for sample in range(scenario.sample_count + 1):
         stamp_ns = sample * scenario.sampling_period_ns
-        state = moving.state
+        state = plant_input.moving.state
         image = _publish_sample(run, scenario, scene, state, sees(state) + unknown, stamp_ns)
         packets = _expose(run, camera, image)
         _tell(controller, camera, frames, image, is_first=not sample)
-        command = _command(run, controller, packets)
+        if not plant_input.schedule.lost[sample]:
+            plant_input.commands[sample] = _command(run, controller, packets)
         if sample < scenario.sample_count:
-            moving.advance(scenario.sampling_period_ns, command)
+            plant_input.advance(sample)
     return run
+
+
+def _linear_plant(scenario: Scenario, conditions: Conditions) -> Plant:
+    start = conditions.initial_state
+    return Plant(
+        conditions.plant or scenario.model,
+        initial_state=scenario.initial_state if start is None else start,
+        period_ns=scenario.sampling_period_ns,
+    )
+
+
+class _PlantInput:
+    """The plant, and which command acts on it when."""
+
+    def __init__(self, scenario: Scenario, plant: Dynamics, conditions: Conditions) -> None:
+        self.moving = disturbed(plant, scenario)
+        self.commands: dict[int, FloatArray] = {-1: np.zeros(scenario.model.input_count)}
+        self._push = conditions.disturbance
+        self.schedule = Schedule.of(
+            conditions, periods=scenario.sample_count, period_ns=scenario.sampling_period_ns
+        )
+
+    def advance(self, sample: int) -> None:
+        """Move from a sample to the next."""
+        schedule = self.schedule
+        for piece in range(schedule.first_piece[sample], schedule.first_piece[sample + 1]):
+            command = self.commands[int(schedule.commands[piece])]
+            if self._push is not None:
+                command = command + self._push[sample]
+            self.moving.advance(int(schedule.lengths_ns[piece]), command)
 
 
 def _publish_sample(

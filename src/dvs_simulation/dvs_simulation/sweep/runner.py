@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from importlib import import_module
 from itertools import islice
@@ -50,10 +51,21 @@ def run_study(
     with tqdm(total=total, initial=done, unit='run', desc=study.name, disable=not progress) as bar:
         if left:
             with cluster.client() as client:
+                began_s, workers = time.perf_counter(), _worker_count(client)
                 for task, rows in _results(client, study, left):
                     table.append(task, rows)
                     bar.update(task.rows)
+                print(_cost(total - done, time.perf_counter() - began_s, workers))
     return table
+
+
+def _worker_count(client: Any) -> int:
+    return max(1, len(client.scheduler_info(n_workers=-1)['workers']))
+
+
+def _cost(runs: int, seconds: float, workers: int) -> str:
+    each = 1e3 * seconds * workers / runs
+    return f'{runs} runs in {seconds:.1f} s on {workers} workers: {each:.3g} ms of a worker each'
 
 
 def _results(client: Any, study: Study, tasks: list[Task]) -> Iterator[tuple[Task, list[Row]]]:
@@ -66,7 +78,7 @@ def _results(client: Any, study: Study, tasks: list[Task]) -> Iterator[tuple[Tas
         owner[future.key] = task
         return future
 
-    slots = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)['workers']))
+    slots = _AHEAD * _worker_count(client)
     running = as_completed([submit(task) for task in islice(waiting, slots)])
     for future in running:
         rows = future.result()

@@ -1,0 +1,85 @@
+"""Compile what is compiled, once, so that no first run is slow: setup.sh does it.
+
+Numba keeps compiled kernels on disk by the types of their arguments. This runs a little of each:
+camera, codecs, controller, design, exact and sampled loop.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import bench_codecs
+
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket
+from dvs_event_camera.pixels.imperfections import Imperfections
+from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.streams.event_records import records_of
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_hinf_controller.running.make_controller import event_controller
+from dvs_simulation.exact import ClosedLoop, simulate
+from dvs_simulation.paper.published import scenario
+from dvs_simulation.sampled.sampled_loop import run_sampled
+from dvs_simulation.sweep.promise import run_promise_task
+
+_PIXELS, _FRAMES = 4096, 3
+
+
+def _frames(dtype: str) -> list[np.ndarray]:
+    rng = np.random.default_rng(0)
+    return [rng.integers(1, 255, _PIXELS).astype(dtype) for _ in range(_FRAMES)]
+
+
+def compile_camera() -> None:
+    """Kernels of the pixels, for the types of pictures and kinds of pixels."""
+    noisy = Imperfections(threshold_mismatch=0.03, shot_noise_rate=5.0, leak_rate=1.0, jitter=1e-4)
+    kinds = (('linear_log', Imperfections()), ('hermite', Imperfections()), ('linear_log', noisy))
+    for interpolation, imperfections in kinds:
+        for dtype in ('u1', 'u2', 'f4', 'f8'):
+            pixels = PixelArray(
+                event_threshold=0.15,
+                interpolation=interpolation,
+                imperfections=imperfections,
+                label_noise=imperfections.any,
+                strict_start=False,
+                backend='numba',
+            )
+            for number, frame in enumerate(_frames(dtype)):
+                events = pixels.update((number + 1) * 1_000_000, frame)
+            records_of(events, width=64, stamp_ns=3_000_000, first_index=0, backend='numba')
+
+
+def compile_controller() -> None:
+    """Kernels of packets of many events, and of the design."""
+    design_from_scenario(scenario('mirror', 3).replace(method='certified'))
+    plain = scenario('mirror', 9)
+    controller = event_controller(design_from_scenario(plain), plain)
+    count = 5000
+    records = np.zeros(count, EVENT_DTYPE)
+    records['polarity'] = np.where(np.arange(count) % 2, -1, 1)
+    records['sign'], records['index'] = 1, np.arange(count)
+    controller.take(EventPacket(stamp_ns=0, events=records))
+
+
+def main() -> int:
+    """Compile everything; return 0, or 1 with a word where there is no numba."""
+    try:
+        import numba  # noqa: F401
+    except ImportError:
+        print('numba is not installed: nothing to compile', file=sys.stderr)
+        return 1
+    compile_camera()
+    bench_codecs.measure(quick=True)
+    compile_controller()
+    simulate(ClosedLoop.from_scenario(scenario('mirror', 3)), duration=0.1)
+    run_sampled(scenario('mirror', 9).replace(duration=4.1))
+    run_promise_task(seed=1, method='lqg', runs=1)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The sampled loop, compiled: camera, controller and plant of one run in one function."""
