@@ -19,7 +19,7 @@ def _packets(events: int, count: int) -> list[bytes]:
     """Packets whose events take every pixel up and down in turn."""
     rng = np.random.default_rng(0)
     pixel_count = _SIDE * _SIDE
-    level = np.zeros(pixel_count, np.int8)
+    level = np.zeros(pixel_count, np.int64)
     messages = []
     for number in range(count):
         pixels = rng.integers(0, pixel_count, events)
@@ -30,7 +30,7 @@ def _packets(events: int, count: int) -> list[bytes]:
         sizes = np.diff(np.r_[starts, events])
         rank[order] = np.arange(events) - np.repeat(starts, sizes)
         up = (rank + level[pixels]) % 2 == 0
-        level = (level + np.bincount(pixels, minlength=pixel_count)).astype(np.int64) % 2
+        level = (level + np.bincount(pixels, minlength=pixel_count)) % 2
         stamp_ns = (number + 1) * _PERIOD_NS
         records = make_events(
             times_ns=stamp_ns - np.sort(rng.integers(0, _PERIOD_NS, events))[::-1],

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import sys
 import time
 from collections.abc import Callable
@@ -14,6 +15,7 @@ root = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_controller')]
 
 import numpy as np  # noqa: E402
+from bench_rounds import figure  # noqa: E402
 
 from dvs_common.scenario.model import PixelScene, PlantModel  # noqa: E402
 from dvs_common.scenario.reference_bounds import ReferenceBounds  # noqa: E402
@@ -68,6 +70,22 @@ def pixels_ratio(repeats: int) -> dict[str, float]:
 
     one, many = best(paper_problem(1, 1)), best(paper_problem(720, 1280))
     return {'design_pixels_ratio': many / one, 'design_seconds': one}
+
+
+def design_times(repeats: int) -> dict[str, float]:
+    """CPU seconds of a design by each of two methods: median of sizes from 1 to 1280 x 720."""
+    figures: dict[str, float] = {}
+    for method in ('structured', 'certified'):
+        times = []
+        for height, width in ((1, 1), (3, 3), (64, 64), (720, 1280)):
+            problem = paper_problem(height, width)
+
+            def work(problem: DesignProblem = problem, method: str = method) -> object:
+                return design_controller(problem, method=method)
+
+            times.append(statistics.median(cpu_seconds(work)[0] for _ in range(repeats)))
+        figures |= figure(f'design_{method}_s', times)
+    return figures
 
 
 def versus_dkpy(repeats: int) -> dict[str, float]:
@@ -146,7 +164,7 @@ def measure(quick: bool = False) -> dict[str, float]:
         Once instead of several times.
     """
     repeats = 1 if quick else REPEATS
-    figures = pixels_ratio(repeats)
+    figures = pixels_ratio(repeats) | design_times(min(repeats, 3))
     try:
         figures |= versus_dkpy(repeats)
     except ImportError as error:

@@ -75,7 +75,8 @@ def main() -> int:
     compile_camera()
     bench_codecs.measure(quick=True)
     compile_controller()
-    simulate(ClosedLoop.from_scenario(scenario('mirror', 3)), duration=0.1)
+    plain = scenario('mirror', 3)
+    simulate(ClosedLoop.from_scenario(plain, design_from_scenario(plain).controller), duration=0.1)
     run_sampled(scenario('mirror', 9).replace(duration=4.1))
     run_promise_task(seed=1, method='lqg', runs=1)
     return 0

@@ -172,8 +172,23 @@ def test_ten_lines_that_differ_in_layout_only_would_be_found():
 COMPILERS = ('kernel', 'jit')
 
 
+def compiled_functions(tree):
+    """Functions of a module that are compiled."""
+    for function in tree.body:
+        if isinstance(function, ast.FunctionDef) and any(
+            ast.unparse(decorator) in COMPILERS for decorator in function.decorator_list
+        ):
+            yield function
+
+
+def is_kernel(module, name):
+    """Whether it is a kernel, the folder of which the cache watches, too."""
+    tree = ast.parse(MODULES[module].read_text()) if module in MODULES else ast.Module([], [])
+    return any(function.name == name for function in compiled_functions(tree))
+
+
 def used_from_elsewhere(path):
-    """What compiled functions of a file use from other folders of ours."""
+    """What compiled functions of a file use from other folders of ours, kernels aside."""
     tree = ast.parse(path.read_text())
     foreign = {
         alias.asname or alias.name
@@ -182,18 +197,16 @@ def used_from_elsewhere(path):
         for alias in node.names
         if (module := origin(path, node)).startswith('dvs_')
         and MODULES.get(module, path).parent != path.parent
+        and not is_kernel(module, alias.name)
     }
-    for function in tree.body:
-        if isinstance(function, ast.FunctionDef) and any(
-            ast.unparse(decorator) in COMPILERS for decorator in function.decorator_list
-        ):
-            names = {
-                node.id
-                for part in function.body
-                for node in ast.walk(part)
-                if isinstance(node, ast.Name)
-            }
-            yield from sorted(names & foreign)
+    for function in compiled_functions(tree):
+        names = {
+            node.id
+            for part in function.body
+            for node in ast.walk(part)
+            if isinstance(node, ast.Name)
+        }
+        yield from sorted(names & foreign)
 
 
 @pytest.mark.parametrize('name', MODULES)

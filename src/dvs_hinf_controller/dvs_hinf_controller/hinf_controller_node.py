@@ -146,12 +146,16 @@ class HinfControllerNode(ManagedNode):
 
     def _take(self, message: bytes) -> None:
         packet = parse_events(message)
+        foreseen = self._controller.foreseen(packet)
+        if foreseen is not None:
+            self._publish_command(packet.stamp_ns, foreseen)
         report = self._controller.take(packet)
         self._repeated += report.repeated
         self._stamp_ns = packet.stamp_ns
         if report.restarted:
             self._command_publisher.forget()
-        self._publish_command(packet.stamp_ns, self._controller.command)
+        if foreseen is None:
+            self._publish_command(packet.stamp_ns, self._controller.command)
         if self._estimate_publisher.wanted:
             self._estimate_publisher.publish(
                 pack_estimate(packet.stamp_ns, self._controller.estimate)

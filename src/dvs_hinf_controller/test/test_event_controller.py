@@ -763,12 +763,29 @@ def test_looking_ahead_changes_no_bit(sequence):
                 controller.redirect(further, CONTROLLERS['stable'])
             elif happening:
                 controller.take_keyframe(told)
+        foreseen = ahead.foreseen(packet(stamp_ns, rows, index))
+        for controller in (plain, ahead):
             with contextlib.suppress(MessageError):
                 controller.take(packet(stamp_ns, rows, index))
         assert ahead.command.tobytes() == plain.command.tobytes()
+        assert foreseen is None or foreseen.tobytes() == plain.command.tobytes()
         assert ahead.estimate.tobytes() == plain.estimate.tobytes()
         ahead.look_ahead()
         index += len(rows)
+
+
+def test_the_answer_to_silence_is_foreseen_and_no_other():
+    controller = running()
+    controller.take(packet(0))
+    controller.take(packet(MS, [(0, 0, 1, 1)]))
+    controller.look_ahead()
+
+    assert controller.foreseen(packet(2 * MS)) is not None
+    assert controller.foreseen(packet(MS)) is None
+    assert controller.foreseen(packet(3 * MS)) is None
+    assert controller.foreseen(packet(2 * MS, [(0, 0, 1, 1)], 1)) is None
+    controller.take_keyframe(keyframe(2 * MS, np.arange(PIXELS), epoch=7, next_index=1))
+    assert controller.foreseen(packet(2 * MS)) is None
 
 
 def test_counts_that_no_light_explains_are_refused_and_not_trusted():

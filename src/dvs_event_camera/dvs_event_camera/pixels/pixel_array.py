@@ -98,13 +98,13 @@ class PixelArray:
         backend: str = 'auto',
         threads: int = 1,
     ) -> None:
-        self._step = threshold_step(event_threshold, log_base)
+        self.log_step = threshold_step(event_threshold, log_base)
         self._event_threshold = event_threshold
         self._log_base, self._invalid_before = log_base, 0
         self._receptor: Photoreceptor = photoreceptor or LogPhotoreceptor()
         self._imperfections = imperfections or Imperfections()
         off = self._imperfections.event_threshold_off
-        self._off_step = threshold_step(off, log_base) if off else self._step
+        self._off_step = threshold_step(off, log_base) if off else self.log_step
         self._interpolation = interpolation
         self._label_noise = label_noise
         self._explicit_bounds, self._uncertainty = bounds, reference_uncertainty
@@ -147,11 +147,6 @@ class PixelArray:
         return self._event_threshold
 
     @property
-    def log_step(self) -> float:
-        """Threshold as a change of the level, ``h ln b``."""
-        return self._step
-
-    @property
     def bounds(self) -> ReferenceBounds:
         """Bounds m and M that were checked at the first sample."""
         return self._bounds
@@ -159,7 +154,7 @@ class PixelArray:
     @property
     def reference_levels(self) -> FloatArray:
         """Level of every reference (log |q|) of ideal pixels, shape (r,)."""
-        return self._origin + self.engine.counts * self._step
+        return self._origin + self.engine.counts * self.log_step
 
     @property
     def invalid_samples(self) -> int:
@@ -209,7 +204,7 @@ class PixelArray:
         origin = self.reference_levels
         position = np.clip(self.engine.distances() / step, -_INSIDE, _INSIDE)
         self._invalid_before += self.engine.invalid
-        self._origin, self._step, self._off_step = origin, step, step
+        self._origin, self.log_step, self._off_step = origin, step, step
         self._event_threshold = event_threshold
         self.engine = engine_of(
             PixelLaw(photoreceptor=self._receptor, step=step),
@@ -286,7 +281,7 @@ class PixelArray:
         pixels, light, levels = self._waiting[lit], light[lit], levels[lit]
         self._waiting = self._waiting[~lit]
         self._origin[pixels] = levels
-        started = narrowed(floored[lit], self._uncertainty, self._receptor, self._step)
+        started = narrowed(floored[lit], self._uncertainty, self._receptor, self.log_step)
         lower, upper = self._bounds.lower.copy(), self._bounds.upper.copy()
         lower[pixels], upper[pixels] = started.lower, started.upper
         self._bounds = ReferenceBounds(lower=lower, upper=upper)
@@ -327,7 +322,7 @@ class PixelArray:
         )
         if not ideal or self._origin.size > LARGEST_ARRAY:
             return None
-        return SilentBand(self.reference_levels, self._step)
+        return SilentBand(self.reference_levels, self.log_step)
 
     def _expose(self, stamp_ns: int, sample: NDArray[np.generic]) -> PixelEvents:
         """Events since the frame that the comparators saw last."""
@@ -352,7 +347,7 @@ class PixelArray:
             stand_in = 1.0 + 2 * self._uncertainty if bounds is None else bounds.lower
             sample = np.where(dark, stand_in, sample)
         bounds = bounds or self._bounds_around(sample)
-        require_silent_start(bounds, sample, self._receptor, min(self._step, self._off_step))
+        require_silent_start(bounds, sample, self._receptor, min(self.log_step, self._off_step))
         references = initial_references(self._initial_reference, bounds, sample, self._seed)
         self._bounds = bounds
         self._origin = np.array(reference_levels(self._receptor, references))
@@ -363,7 +358,7 @@ class PixelArray:
     def _bounds_around(self, sample: FloatArray) -> ReferenceBounds:
         if self._strict_start:
             return ReferenceBounds.around(sample, self._uncertainty)
-        return narrowed(sample, self._uncertainty, self._receptor, self._step)
+        return narrowed(sample, self._uncertainty, self._receptor, self.log_step)
 
     def _build(self, luminosity: NDArray[np.generic], levels: FloatArray) -> None:
         """Make engine, stages and delay line; every random draw has a stream of its own."""
@@ -371,16 +366,16 @@ class PixelArray:
         kernels = kernels_for(self._backend, levels.size)
         streams = [np.random.default_rng([self._seed, number]) for number in range(3)]
         state = (
-            ImperfectState(self._origin, self._step, self._off_step, wanted, streams[0])
+            ImperfectState(self._origin, self.log_step, self._off_step, wanted, streams[0])
             if wanted.change_comparators
             else None
         )
         self.stages: list[LevelStage] = []
         if wanted.change_levels:
-            self.stages = level_stages(wanted, levels, self._step, streams[1], kernels)
+            self.stages = level_stages(wanted, levels, self.log_step, streams[1], kernels)
         law = PixelLaw(
             photoreceptor=self._receptor,
-            step=self._step,
+            step=self.log_step,
             cubic=self._interpolation == 'hermite',
             state=state,
             stages=self.stages,

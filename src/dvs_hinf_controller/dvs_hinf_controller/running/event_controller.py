@@ -248,6 +248,21 @@ class EventController:
             )
         )
 
+    def foreseen(self, packet: EventPacket) -> FloatArray | None:
+        """Command that `take` is about to lead to, where that was worked out ahead; else None.
+
+        Who waits for the command need not wait for the bookkeeping of an empty packet.
+
+        Parameters
+        ----------
+        packet
+            Next packet.
+        """
+        duration_ns = None if self.is_blind else self.references.duration_of_silence_ns(packet)
+        if duration_ns is None:
+            return None
+        return self._ahead.command_after(duration_ns, before=self.state, deviation=self.deviation)
+
     def take(self, packet: EventPacket) -> PacketReport:
         """Advance to the packet's stamp through all of its events.
 

@@ -74,6 +74,23 @@ class LookAhead:
             return None
         return kept.state if kept.duration_ns == duration_ns else None
 
+    def command_after(
+        self, duration_ns: int, *, before: FloatArray, deviation: float
+    ) -> FloatArray | None:
+        """Command at the end of a step without events; None where another one was expected.
+
+        Parameters
+        ----------
+        duration_ns
+            Length of the step, ns.
+        before
+            State of K at its beginning.
+        deviation
+            Input of K on the way.
+        """
+        state = self.state_after(duration_ns, before=before, deviation=deviation)
+        return None if state is None else self.command_at(state, deviation=deviation)
+
     def command_at(self, state: FloatArray, *, deviation: float) -> FloatArray | None:
         """Command at a state that `state_after` returned; None for any other.
 

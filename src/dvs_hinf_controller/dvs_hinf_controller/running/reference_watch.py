@@ -92,6 +92,25 @@ class ReferenceWatch:
         """Whether a keyframe would bring something that is not known."""
         return not self._state.verified or self.synchrony is not Synchrony.EXACT
 
+    def duration_of_silence_ns(self, packet: EventPacket) -> int | None:
+        """Time since the last packet, where a next one brings nothing but that it has passed.
+
+        None where it has events or other messages wait for it, where references leak, and where
+        its stamp does not follow.
+
+        Parameters
+        ----------
+        packet
+            Next packet.
+        """
+        state, last_ns = self._state, self.gate.last_ns
+        if len(packet.events) or last_ns is None or self.intervals.step_bounds.uncertainty.leak:
+            return None
+        if state.keyframes.first is not None or state.anchors.first is not None:
+            return None
+        duration_ns = packet.stamp_ns - last_ns
+        return duration_ns if duration_ns > 0 and self.gate.follows(packet.stamp_ns) else None
+
     def take_keyframe(self, keyframe: Keyframe) -> Taken:
         """Take the sensor's own state; see `Keyframes.take`.
 

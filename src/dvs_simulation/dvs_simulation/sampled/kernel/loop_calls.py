@@ -6,12 +6,13 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core.cgutils import ir
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from dvs_common.kernel_cache import kernel
 
 # Places in a call's scratch array: addresses of the arguments, dimensions, steps.
+ir: Any = cgutils.ir  # type: ignore[attr-defined]
 _DIMENSIONS, _STEPS = 4, 8
 SCRATCH_SIZE = 20
 _DOUBLE, _COMPLEX = 8, 16

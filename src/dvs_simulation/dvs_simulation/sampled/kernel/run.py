@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dvs_common.kernel_cache import kernel
-from dvs_event_camera.pixels.firing_kernels import fire_imperfect, fire_linear
+from dvs_event_camera.pixels.firing_kernels import fire_imperfect
 from dvs_simulation.sampled.kernel import estimator
 from dvs_simulation.sampled.kernel.layout import DARK, DONE, UNUSUAL
 from dvs_simulation.sampled.kernel.loop_calls import SCRATCH_SIZE, product, unary
@@ -61,6 +61,31 @@ def _is_quiet(pixels: Any, now: Any) -> bool:
 
 
 @kernel
+def _fire_ideal(
+    pixels: Any, place: int, now: Any, period_ns: int, shift: int, keys: Any, used: int
+) -> tuple[int, int, int]:
+    """Events of ideal pixels, as `crossings.linear_crossings` has them."""
+    for i in range(place, now.size):
+        end, number = (now[i] - pixels.origin[i]) / pixels.step, pixels.counts[i]
+        if number - 1.0 < end < number + 1.0:
+            continue
+        rest = np.floor(end) if end > number else np.ceil(end)
+        rungs = abs(rest - number)
+        if used + rungs > keys.size:
+            return i, used, int(min(used + rungs, 1e12))
+        way = 1 if end > number else -1
+        start = (pixels.level[i] - pixels.origin[i]) / pixels.step
+        pace = period_ns / (end - start)
+        for rung in range(1, int(rungs) + 1):
+            elapsed = np.ceil((number + way * (rung * 1.0) - start) * pace)
+            when = np.int64(min(max(elapsed, 1.0), float(period_ns)))
+            keys[used] = (when << shift) | (np.int64(i) << 2) | (way + 1)
+            used += 1
+        pixels.counts[i] = np.int32(rest)
+    return now.size, used, used
+
+
+@kernel
 def _fire(
     pixels: Any, now: Any, start_ns: int, period_ns: int, shift: int, keys: Any, edges: Any
 ) -> tuple[Any, int]:
@@ -68,20 +93,7 @@ def _fire(
     place = used = 0
     while place < now.size:
         if pixels.ideal:
-            place, used, needed = fire_linear(
-                place,
-                pixels.numbers,
-                now,
-                pixels.level,
-                pixels.origin,
-                pixels.counts,
-                pixels.step,
-                period_ns,
-                shift,
-                keys,
-                used,
-                edges,
-            )
+            place, used, needed = _fire_ideal(pixels, place, now, period_ns, shift, keys, used)
         else:
             place, used, needed = fire_imperfect(
                 place,
@@ -140,6 +152,13 @@ def _move(loops: Any, scratch: Any, plant: Any, commands: Any, sample: int, room
             plant.state[i] = moved[i] + driven[i]
             if plant.state_noise.shape[0]:
                 plant.state[i] = plant.state[i] + plant.state_noise[piece, i]
+
+
+@kernel
+def _doubled(array: Any) -> Any:
+    larger = np.empty(2 * array.size, array.dtype)
+    larger[: array.size] = array
+    return larger
 
 
 @kernel
@@ -238,10 +257,3 @@ def run(
         estimator.command(loops, scratch, control, record.commands[sample])
         record.estimates[sample] = known.estimate
     return DONE, lost.size, times[:events], lows[:events]
-
-
-@kernel
-def _doubled(array: Any) -> Any:
-    larger = np.empty(2 * array.size, array.dtype)
-    larger[: array.size] = array
-    return larger
