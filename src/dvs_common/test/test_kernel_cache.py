@@ -45,3 +45,17 @@ def test_a_change_of_a_function_or_constant_that_a_kernel_uses_compiles_it_again
     (tmp_path / 'constants.py').write_text('SHIFT = 7\n')
     assert run(tmp_path) == (67, 0)
     assert run(tmp_path) == (67, 1)
+
+
+def test_a_change_of_a_kernel_in_another_folder_compiles_those_again_that_name_it(tmp_path):
+    (tmp_path / 'elsewhere').mkdir()
+    caller = CALLER.replace('from called', 'from elsewhere.called')
+    (tmp_path / 'elsewhere' / 'called.py').write_text(CALLED.format(2))
+    (tmp_path / 'constants.py').write_text('SHIFT = 2\n')
+    (tmp_path / 'caller.py').write_text(caller)
+
+    assert run(tmp_path) == (42, 0)
+    assert run(tmp_path) == (42, 1)
+
+    (tmp_path / 'elsewhere' / 'called.py').write_text(CALLED.format(3))
+    assert run(tmp_path) == (62, 0)
