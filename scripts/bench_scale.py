@@ -15,8 +15,9 @@ from ament_index_python.packages import get_package_prefix
 from bench_loop import ONE_PROCESS, ROOT, THREE_PROCESSES, loop_rate
 
 _SIZES = ((1, 1), (8, 8), (64, 64), (346, 260), (1280, 720))
-_QUICK = ((1, 1), (64, 64))
-_SECONDS, _TICKS = 5.0, os.sysconf('SC_CLK_TCK')
+_SECONDS, _TICKS = 4.0, os.sysconf('SC_CLK_TCK')
+# Until a loop runs.
+_SETTLING_S = 4.0
 
 
 def _cpu_and_memory(process: subprocess.Popen[str]) -> tuple[float, float]:
@@ -59,7 +60,7 @@ def _run(
         for package, executable in programs
     }
     try:
-        time.sleep(6.0)
+        time.sleep(_SETTLING_S)
         before = {name: _cpu_and_memory(node) for name, node in nodes.items()}
         time.sleep(seconds)
         after = {name: _cpu_and_memory(node) for name, node in nodes.items()}
@@ -94,12 +95,12 @@ def measure(quick: bool = False) -> dict[str, float]:
     Parameters
     ----------
     quick
-        Two sizes.
+        One size.
     """
     figures: dict[str, float] = {}
     seconds = 1.0 if quick else _SECONDS
     for label, programs in (('three', THREE_PROCESSES), ('composed', ONE_PROCESS)):
-        for size in _QUICK if quick else _SIZES:
+        for size in _SIZES[:1] if quick else _SIZES:
             rate, nodes = _run(size, 90, programs, seconds)
             name = f'{size[0]}x{size[1]}_{label}'
             figures[f'scale_cycles_per_s_{name}'] = rate

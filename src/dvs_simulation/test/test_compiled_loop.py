@@ -42,7 +42,10 @@ def random_scenario(rng):
     if rng.random() < 0.2:
         options['reset'] = 'level'
     options['duration'] = PERIODS * options['sampling_period']
-    return scenario('mirror', int(rng.choice([1, 3, 9]))).replace(**options)
+    pixels = int(rng.choice([1, 3, 9]))
+    if pixels > 1 and rng.random() < 0.2:
+        options['pixel_mask'] = (1,)
+    return scenario('mirror', pixels).replace(**options)
 
 
 def random_conditions(rng, plain):

@@ -89,8 +89,6 @@ class ReferenceIntervals:
         self._counted: tuple[FloatArray, FloatArray] | None = None
         self._renew()
 
-    # -- what is known ----------------------------------------------------------------------------
-
     @property
     def width(self) -> float:
         """``max w`` of the active pixels; infinite where a count may be wrong."""

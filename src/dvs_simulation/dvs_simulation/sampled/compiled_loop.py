@@ -240,6 +240,7 @@ class CompiledLoop:
             modal_input=response.modal_input.astype(np.complex128),
             vectors=np.ascontiguousarray(vectors.astype(np.complex128)),
             turned=not real,
+            nanosecond_s=as_seconds(1),
         )
 
 
@@ -329,6 +330,7 @@ def _pixel_arrays(array: PixelArray) -> PixelArrays | None:
         rates=no_floats if leak is None else leak.rates,
         dead=none if dead is None else dead.dead,
         frozen=no_floats if dead is None else dead.frozen,
+        nanosecond_s=as_seconds(1),
     )
 
 

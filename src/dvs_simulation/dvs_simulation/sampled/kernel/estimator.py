@@ -207,7 +207,7 @@ def _responses(loops: Any, scratch: Any, control: Any, ages_ns: Any) -> Any:
     exponents = np.empty((size, k), np.complex128)
     growth = np.empty((size, k), np.complex128)
     for e in range(size):
-        seconds = ages_ns[e] * 1e-9
+        seconds = ages_ns[e] * control.nanosecond_s
         for j in range(k):
             exponents[e, j] = complex(
                 control.poles[j].real * seconds, control.poles[j].imag * seconds
@@ -221,7 +221,7 @@ def _responses(loops: Any, scratch: Any, control: Any, ages_ns: Any) -> Any:
         for e in range(size):
             for j in range(k):
                 pole = control.poles[j].real
-                scaled = ages_ns[e] * 1e-9 if pole == 0 else plain[e, j] / pole
+                scaled = ages_ns[e] * control.nanosecond_s if pole == 0 else plain[e, j] / pole
                 growth[e, j] = complex(scaled, 0.0)
     else:
         safe = np.empty(k, np.complex128)
@@ -232,7 +232,7 @@ def _responses(loops: Any, scratch: Any, control: Any, ages_ns: Any) -> Any:
             binary(loops.complex_divide, scratch, exponents[e], safe, growth[e], k)
             for j in range(k):
                 if control.poles[j] == 0:
-                    growth[e, j] = complex(ages_ns[e] * 1e-9, 0.0)
+                    growth[e, j] = complex(ages_ns[e] * control.nanosecond_s, 0.0)
     for e in range(size):
         binary(loops.complex_multiply, scratch, growth[e], control.modal_input, exponents[e], k)
     product(

@@ -56,6 +56,7 @@ class PixelArrays(NamedTuple):
     rates: FloatArray  # (r,)
     dead: Ints
     frozen: FloatArray  # (len(dead),)
+    nanosecond_s: float
 
 
 class EstimateArrays(NamedTuple):
@@ -94,6 +95,7 @@ class ControlArrays(NamedTuple):
     modal_input: NDArray[np.complex128]  # (k,)
     vectors: NDArray[np.complex128]  # (k, k)
     turned: bool
+    nanosecond_s: float
 
 
 class Record(NamedTuple):

@@ -43,7 +43,7 @@ def _levels(
         if not np.isfinite(out[i]):
             return False
     if pixels.leaks:
-        seconds = elapsed_ns * 1e-9
+        seconds = elapsed_ns * pixels.nanosecond_s
         for i in range(size):
             out[i] += pixels.step * (pixels.phase[i] + pixels.rates[i] * seconds)
     for d in range(pixels.dead.size):
