@@ -62,6 +62,9 @@ def compile_controller() -> None:
     records = np.zeros(count, EVENT_DTYPE)
     records['polarity'] = np.where(np.arange(count) % 2, -1, 1)
     records['sign'], records['index'] = 1, np.arange(count)
+    # Spread over the pixels: one alone would be refused as not physically possible.
+    records['x'] = np.arange(count) % plain.scene.width
+    records['y'] = np.arange(count) // plain.scene.width % plain.scene.height
     controller.take(EventPacket(stamp_ns=0, events=records))
 
 
