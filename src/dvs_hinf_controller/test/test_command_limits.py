@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.running.command_limiter import CommandLimiter
 from dvs_hinf_controller.running.make_controller import event_controller
@@ -77,3 +78,18 @@ def test_a_rate_starts_from_the_command_that_holds_the_set_point():
 
     first = event_controller(design, scenario).command
     assert first.tolist() == design.problem.equilibrium.feedforward.tolist()
+
+
+def test_a_command_that_may_be_limited_is_not_sent_before_its_limit_is_known():
+    free, limited = LOOP, LOOP.replace(command_limit=[1e-3])
+    foreseen = []
+    for scenario in (free, limited):
+        controller = event_controller(design_from_scenario(scenario), scenario)
+        for stamp_ns in (0, 5_000_000):
+            controller.take(EventPacket(stamp_ns=stamp_ns, events=np.zeros(0, EVENT_DTYPE)))
+        controller.look_ahead()
+        silence = EventPacket(stamp_ns=10_000_000, events=np.zeros(0, EVENT_DTYPE))
+        foreseen.append(controller.foreseen(silence))
+
+    assert foreseen[0] is not None
+    assert foreseen[1] is None

@@ -258,7 +258,9 @@ class EventController:
         packet
             Next packet.
         """
-        duration_ns = None if self.is_blind else self.references.duration_of_silence_ns(packet)
+        if self.is_blind or self.limiter is not None:
+            return None
+        duration_ns = self.references.duration_of_silence_ns(packet)
         if duration_ns is None:
             return None
         return self._ahead.command_after(duration_ns, before=self.state, deviation=self.deviation)

@@ -4,7 +4,8 @@ Compiled: the linear plant with its noise, any conditions, ideal pixels with the
 OFF thresholds of their own, mismatch, refractory period, reset to the level, leakage, hot and dead
 pixels, and a controller with uncertain thresholds, leakage, masked pixels and lost events. Not
 compiled: other photoreceptors and interpolations, shot noise, the low-pass, delayed events,
-frames beside the events, constant disturbances, limits of commands, and what leaves a reference unknown.
+frames beside the events, constant disturbances, limits of commands, and what leaves a reference
+unknown.
 """
 
 from __future__ import annotations
