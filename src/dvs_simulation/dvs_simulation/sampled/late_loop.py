@@ -131,6 +131,7 @@ def _run(
     target = light.mean()
     error = (scale * np.exp(counts * h)).mean() - target
     applied = -1
+    follows = np.array([np.any(row != 0.0) for row in greedy])
     for sample in range(late.size):
         for j in range(m):
             commands[sample, j] = (out[j] * q).sum().real
@@ -139,14 +140,21 @@ def _run(
             now = sample * ticks + tick
             while applied < sample and (applied + 1) * ticks + late[applied + 1] <= now:
                 applied += 1
-            path[now] = x
-            drive[:n] = x
+            for i in range(n):
+                path[now, i] = drive[i] = x[i]
             for j in range(m):
                 push = d[now, j]
-                if np.any(greedy[j] != 0.0):
-                    push = abs(push) if (greedy[j] * x).sum() > 0 else -abs(push)
+                if follows[j]:
+                    along = 0.0
+                    for i in range(n):
+                        along += greedy[j, i] * x[i]
+                    push = abs(push) if along > 0 else -abs(push)
                 drive[n + j] = push + (commands[applied, j] if applied >= 0 else 0.0)
-            x = step @ drive
+            for i in range(n):
+                total = 0.0
+                for j in range(n + m + 1):
+                    total += step[i, j] * drive[j]
+                x[i] = total
         luminosity = light + c @ x
         if luminosity.min() <= 0.0 or not np.isfinite(luminosity.max()):
             return
