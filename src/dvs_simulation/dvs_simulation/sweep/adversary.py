@@ -1,4 +1,4 @@
-"""What is free within a promise, chosen against it: starts, references, lateness, pushes, plants."""
+"""What is free within a promise, chosen against it: starts, references, lateness, plants."""
 
 from __future__ import annotations
 
@@ -118,8 +118,7 @@ class Adversary:
         together = rng.random() < 0.5
         return Freedom(
             start=_unit(rng, model.state_count) * rng.choice([1.0, rng.uniform(0, 1)]),
-            references=rng.choice([-1.0, 1.0, 0.3], 1 if together else pixels)
-            * np.ones(pixels),
+            references=rng.choice([-1.0, 1.0, 0.3], 1 if together else pixels) * np.ones(pixels),
             lateness=self._lateness(rng),
             push=self._push(v, rng),
             greedy=greedy,

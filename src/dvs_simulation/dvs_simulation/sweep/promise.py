@@ -9,6 +9,7 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
 from dvs_hinf_controller.analysis.promise import Promise, sectors_at
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
@@ -63,7 +64,7 @@ class PromiseCase:
     uncertainty
         Relative half-width of the bounds of the references.
     abscissa
-        Largest real part of a closed-loop pole, 1/s.
+        Decay of the slowest mode of the loop that runs, held and late, 1/s; negative.
     """
 
     problem: DesignProblem
@@ -213,6 +214,14 @@ def _attempt(rng: np.random.Generator, method: str) -> PromiseCase | None:
         model_uncertainty=float(rng.choice([0.0, 0.003, 0.02])),
     )
     problem = replace(problem, operation=operation)
+    timing = Timing(period=period, latency=operation.latency)
+    loop = LiftedLoop(model, controller, timing)
+    if not loop.is_stable:
+        return None
+    multipliers = np.linalg.eigvals(loop.matrix)
+    abscissa = max(abscissa, math.log(float(np.max(np.abs(multipliers)))) / period)
+    if _CONSTANTS / -abscissa / period > _MOST_SAMPLES:
+        return None
     promise = Promise(problem, controller, operation, rtol=_RTOL)
     for threshold in 10.0 ** (rng.uniform(-1.5, -0.7) - np.arange(_FALLS)):
         held = promise.held(sectors_at(problem, float(threshold)))
