@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy.linalg
@@ -48,6 +48,20 @@ class Freedom:
     greedy: FloatArray
     state_errors: FloatArray
     input_errors: FloatArray
+
+    def repeated(self, times: int) -> Freedom:
+        """The same, and on by the same lateness and pushes again.
+
+        Parameters
+        ----------
+        times
+            Length of the longer run as a multiple of this one's.
+        """
+        return replace(
+            self,
+            lateness=np.tile(self.lateness, times),
+            push=np.tile(self.push, (times, 1)),
+        )
 
     def mixed(self, other: Freedom, rng: np.random.Generator) -> Freedom:
         """Most of this one, and some of the choices of another.
