@@ -6,7 +6,9 @@ NumPy and rclpy, which take half a second.
 
 from __future__ import annotations
 
+import errno
 import os
+import select
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -35,7 +37,8 @@ def run_program(module: str) -> int:
     """Import a module and run its `main`; returns the exit code, 0 after a signal.
 
     A signal ends the program at once while it imports. Later it interrupts `main` like Ctrl-C,
-    unless `main` makes a `StopSignal`.
+    unless `main` makes a `StopSignal`. Output into a pipe that is no longer read, as with
+    ``| head``, ends it as well.
 
     Parameters
     ----------
@@ -46,15 +49,30 @@ def run_program(module: str) -> int:
     try:
         main = import_module(module).main
         _handle(_interrupt)
-        return int(main())
+        code = int(main())
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
         return 0
+    except BrokenPipeError:
+        if not _output_is_closed():
+            raise
+        _drop_output()
+        return 0
+    except OSError as error:
+        if error.errno != errno.ENOSPC or error.filename:
+            raise
+        _drop_output()
+        print(f'{_program()}: standard output: {error.strerror}', file=sys.stderr)
+        return 1
     except ModuleNotFoundError as error:
         missing = (error.name or 'dvs_').partition('.')[0]
         if missing.startswith('dvs_'):
             raise
-        program = sys.argv[0].rpartition('/')[2]
-        print(f'{program}: needs the package {missing}, which is not installed', file=sys.stderr)
+        print(
+            f'{_program()}: needs the package {missing}, which is not installed', file=sys.stderr
+        )
         return 1
     finally:
         # While the interpreter goes, a second signal would end it with another exit code.
@@ -82,6 +100,21 @@ def _handle(handler: Handler | signal.Handlers) -> None:
         # nohup has a program ignore that its terminal is closed.
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
+
+
+def _program() -> str:
+    return sys.argv[0].rpartition('/')[2]
+
+
+def _drop_output() -> None:
+    """Let what is still in the buffer go, so that it does not fail once more at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _output_is_closed() -> bool:
+    pipe = select.poll()
+    pipe.register(sys.stdout.fileno(), 0)
+    return bool(pipe.poll(0))
 
 
 def _leave(number: int, frame: FrameType | None) -> None:

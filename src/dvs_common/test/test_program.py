@@ -1,12 +1,16 @@
-"""What a program does where a package that it needs is not installed."""
+"""A program without a package that it needs, and one whose output is no longer read."""
 
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 
 def run(module, folder):
     program = f"""
 import sys
+from pathlib import Path
 from dvs_common.program import run_program
 sys.argv[0] = 'tool'
 sys.exit(run_program({module!r}))
@@ -30,3 +34,46 @@ def test_a_module_of_ours_that_is_missing_is_a_fault_with_its_traceback(tmp_path
     (tmp_path / 'at_once.py').write_text('import dvs_made_up\n')
 
     assert 'Traceback' in run('at_once', tmp_path).stderr
+
+
+@pytest.mark.parametrize('lines', [2, 100_000])
+@pytest.mark.parametrize('unbuffered', [False, True])
+def test_output_that_is_no_longer_read_ends_a_program_quietly(lines, unbuffered, tmp_path):
+    (tmp_path / 'prints.py').write_text(
+        f'import time\n\ndef main():\n    time.sleep(0.3)\n    for k in range({lines}):\n'
+        '        print(k)\n    return 0\n'
+    )
+    program = (
+        "import sys; from dvs_common.program import run_program; sys.exit(run_program('prints'))"
+    )
+    flags = ['-u'] if unbuffered else []
+    process = subprocess.Popen(
+        [sys.executable, *flags, '-c', program],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    process.stdout.close()
+    errors = process.stderr.read()
+
+    assert (process.wait(), errors) == (0, b'')
+
+
+def test_a_broken_pipe_elsewhere_is_a_fault_with_its_traceback(tmp_path):
+    (tmp_path / 'fails.py').write_text('def main():\n    raise BrokenPipeError\n')
+
+    assert 'BrokenPipeError' in run('fails', tmp_path).stderr
+
+
+def test_output_onto_a_full_disk_is_one_line(tmp_path):
+    (tmp_path / 'prints.py').write_text('def main():\n    print(1)\n    return 0\n')
+    program = (
+        "import sys; from dvs_common.program import run_program; sys.exit(run_program('prints'))"
+    )
+    with Path('/dev/full').open('w') as full:
+        result = subprocess.run(
+            [sys.executable, '-c', program], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE
+        )
+
+    assert result.returncode == 1
+    assert result.stderr == b'-c: standard output: No space left on device\n'
