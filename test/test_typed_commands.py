@@ -256,9 +256,17 @@ TYPED = (
     Rule('ros2 bag (play|convert) .*', nothing, 'ros2 comes with ROS from apt only'),
     Rule('(export ROS_SECURITY|ros2 security ).*', nothing, 'sros2 comes with ROS from apt only'),
     Rule('ros2 launch .*', is_launched, 'ros2 comes with ROS from apt only'),
+    Rule('git clone .*', nothing, 'needs the network; the clones are raced by hand'),
+    Rule(
+        RUN + r'\.venv/bin/python scripts/bench_camera\.py .*', is_understood, 'needs the clones'
+    ),
 )
 NAMED = (
-    Rule('ros2 (run|launch|bag|bag record|bag play|param set)', nothing, 'no whole command'),
+    Rule(
+        'ros2 (run|launch|bag|bag record|bag play|param get|param set)',
+        nothing,
+        'no whole command',
+    ),
     Rule(r'ros2 run dvs_\w+ .*', is_executable, 'ros2 comes with ROS from apt only'),
     Rule('ros2 run plotjuggler .*', nothing, 'PlotJuggler comes with ROS from apt only'),
     Rule('rqt --perspective-file FILE', nothing, 'rqt comes with ROS from apt only'),
