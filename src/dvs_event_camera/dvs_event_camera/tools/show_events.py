@@ -6,7 +6,6 @@ import argparse
 import importlib
 import json
 import math
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -97,9 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse_arguments(own)
     try:
         return _show(options, command_line)
-    except BrokenPipeError:  # `show_events BAG | head` is how people look
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except BrokenPipeError:  # `show_events BAG | head`: `run_program` ends it
+        raise
     except SuiteError as error:
         print(f'show_events: {error}', file=sys.stderr)
         return error.exit_code

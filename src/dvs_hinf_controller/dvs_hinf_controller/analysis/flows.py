@@ -12,13 +12,9 @@ import scipy.linalg
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.tail_bounds import (
     Bound,
+    lyapunov_bound,
     modal_bound,
-    quadratic_bound,
-    stacked_outputs,
-    unverified,
 )
-
-_FLOORS = (1e-6, 1e-3, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,16 +102,14 @@ class ContinuousFlow:
         found = modal_bound(vectors, -poles.real, outputs, states)
         rate = -0.5 * float(np.max(poles.real))
         shifted = self._a + rate * np.eye(len(self._a))
-        for floor in _FLOORS:
-            outer = -stacked_outputs(outputs, floor)
-            with unverified():
-                p = scipy.linalg.solve_continuous_lyapunov(shifted.T, outer)
-            p = (p + p.T) / 2
-            if _is_semidefinite(-shifted.T @ p - p @ shifted) and (
-                bound := quadratic_bound(p, rate, outputs, states)
-            ):
-                return [*found, bound]
-        return found
+        confirmed = lyapunov_bound(
+            outputs,
+            states,
+            rate,
+            solve=lambda q: scipy.linalg.solve_continuous_lyapunov(shifted.T, -q),
+            decrease=lambda p: -shifted.T @ p - p @ shifted,
+        )
+        return found if confirmed is None else [*found, confirmed]
 
     def step(self, allowed_s: float) -> Step:
         """Longest step by a power of two, at most a tenth of the slowest time constant.
@@ -140,10 +134,6 @@ class ContinuousFlow:
             Ascending, shape (N,), s.
         """
         return trapezoidal_weights(times)
-
-
-def _is_semidefinite(matrix: FloatArray) -> bool:
-    return bool(np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix)[0] >= 0)
 
 
 def trapezoidal_weights(times: FloatArray) -> FloatArray:

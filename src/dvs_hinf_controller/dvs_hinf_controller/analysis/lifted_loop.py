@@ -15,14 +15,11 @@ from dvs_hinf_controller.analysis.flows import Step, trapezoidal_weights
 from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.analysis.tail_bounds import (
     Bound,
+    lyapunov_bound,
     modal_bound,
-    quadratic_bound,
-    stacked_outputs,
-    unverified,
 )
 from dvs_hinf_controller.controller import LinearController
 
-_FLOORS = (1e-6, 1e-3, 1.0)
 _FASTEST_DECAY = 100.0
 _NODE_ANGLE = 0.04
 _DECAYED = 15.0
@@ -65,16 +62,14 @@ class SampledFlow:
         found = modal_bound(self._vectors, self._rates, outputs, states)
         rate = 0.5 * float(self._rates.min())
         shifted = self._a * math.exp(rate * self._period)
-        for floor in _FLOORS:
-            outer = stacked_outputs(outputs, floor)
-            with unverified():
-                p = scipy.linalg.solve_discrete_lyapunov(shifted.T, outer)
-            p = (p + p.T) / 2
-            if np.linalg.eigvalsh(p - shifted.T @ p @ shifted)[0] >= 0 and (
-                bound := quadratic_bound(p, rate, outputs, states)
-            ):
-                return [*found, bound]
-        return found
+        confirmed = lyapunov_bound(
+            outputs,
+            states,
+            rate,
+            solve=lambda q: scipy.linalg.solve_discrete_lyapunov(shifted.T, q),
+            decrease=lambda p: p - shifted.T @ p @ shifted,
+        )
+        return found if confirmed is None else [*found, confirmed]
 
     def step(self, allowed_s: float) -> Step:
         """Longest step of a power of two samples, at most a tenth of the slowest time constant.

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.state_space import ComplexArray
 
 _WORST_CONDITION = 1e10
+_FLOORS = (1e-6, 1e-3, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,12 +111,44 @@ def modal_bound(
     return [Bound(coordinates=inverse, gains=gains, rates=rates)]
 
 
-@contextmanager
-def unverified() -> Iterator[None]:
-    """Solve without warnings of an ill condition: what is found is checked afterwards."""
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', scipy.linalg.LinAlgWarning)
-        yield
+def lyapunov_bound(
+    outputs: FloatArray,
+    states: int,
+    rate: float,
+    *,
+    solve: Callable[[FloatArray], FloatArray],
+    decrease: Callable[[FloatArray], FloatArray],
+) -> Bound | None:
+    """The bound by the first Lyapunov function that is confirmed; None if none is.
+
+    Parameters
+    ----------
+    outputs
+        Shape (P, p, size).
+    states
+        How many of the first outputs are states.
+    rate
+        Half of the rate at which the function decays, 1/s.
+    solve
+        Candidate P for the weight Q of its Lyapunov equation.
+    decrease
+        What P loses along the flow beyond that rate; P holds where this is semidefinite.
+    """
+    for floor in _FLOORS:
+        # A candidate may be ill-conditioned: it is checked next.
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', scipy.linalg.LinAlgWarning)
+            p = solve(stacked_outputs(outputs, floor))
+        p = (p + p.T) / 2
+        if _is_semidefinite(decrease(p)):
+            bound = quadratic_bound(p, rate, outputs, states)
+            if bound is not None:
+                return bound
+    return None
+
+
+def _is_semidefinite(matrix: FloatArray) -> bool:
+    return bool(np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix)[0] >= 0)
 
 
 def quadratic_bound(p: FloatArray, rate: float, outputs: FloatArray, states: int) -> Bound | None:
