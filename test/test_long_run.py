@@ -125,7 +125,7 @@ def run_for(seconds, folder, domain, processes):
     fresh = event_controller(design_from_scenario(scenario), scenario)
     fresh.take_keyframe(told)
     known = fresh.references.intervals
-    expected = known.signs * known._first * np.exp(count.kept[stamp_of(found)] * known.log_step)
+    expected = known.signs * known.first * np.exp(count.kept[stamp_of(found)] * known.log_step)
     assert np.array_equal(np.array(found.position), expected)
     return count.index.events, grown
 
