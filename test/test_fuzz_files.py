@@ -162,6 +162,7 @@ def bag(tmp_path_factory):
     with BagWriter(
         path, dict.fromkeys(('command', 'state'), 'sensor_msgs/msg/JointState')
     ) as writer:
+        writer.keep_scenario(Scenario.from_values({}), 'run')
         for k in range(20):
             writer.write('command', k, GOOD['command'](k))
             writer.write('state', k, GOOD['state'](k))
@@ -171,7 +172,10 @@ def bag(tmp_path_factory):
 def test_a_bag_with_mutated_metadata_or_data_is_read_or_refused(bag, tmp_path):
     mutations = Mutations(seed=6)
     shutil.copytree(bag, tmp_path / 'run')
-    for file in sorted(bag.iterdir()):
+    files = sorted(bag.iterdir(), reverse=True)
+    assert [file.name for file in files] == ['run.mcap', 'metadata.yaml']
+    (tmp_path / 'run' / 'metadata.yaml').unlink()
+    for file in files:
         for _ in range(60):
             read_or_refused(
                 lambda _: read_bag(tmp_path / 'run'),

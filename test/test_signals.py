@@ -214,8 +214,7 @@ def test_closed_loop_killed_by_force_leaves_no_node_and_a_bag_to_its_last_second
     assert wait_for(lambda: not any(map(is_running, nodes)))
     bag = tmp_path / 'mirror_r3' / 'bag'
     assert examine(read_bag(bag)).streams['command'].messages >= a_second_ago
-    # The scenario goes into a bag when it is closed.
-    report = start('dvs_closed_loop', domain, ['report', str(bag), *arguments[:2]])
+    report = start('dvs_closed_loop', domain, ['report', str(bag)])
     processes.append(report)
     output, _ = report.communicate(timeout=60)
     assert report.returncode == 0, output

@@ -1,10 +1,13 @@
 """Bags that rosbags itself reads back byte by byte, whatever happened while they were written."""
 
+import shutil
+
 import pytest
 from recorded_messages import MS, recorded
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from dvs_closed_loop.bags import recording
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_closed_loop.bags.recording import STORAGES, BagWriter
 from dvs_common.errors import ParameterError
@@ -109,3 +112,47 @@ def test_the_scenario_travels_with_the_bag(tmp_path):
     assert found.scenario is not None
     assert found.scenario.values == scenario.values
     assert found.of('state') == MESSAGES['state']
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_the_scenario_is_in_a_bag_whose_recorder_never_came_to_its_end(
+    storage, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(recording, '_FLUSH_PERIOD_S', 0)
+    scenario = Scenario.from_values({'event_threshold': 0.123})
+    cut_off = tmp_path / 'cut_off'
+    with BagWriter(tmp_path / 'bag', TYPES, storage=storage) as bag:
+        write(bag)
+        bag.keep_scenario(scenario, 'name of it')
+        shutil.copytree(tmp_path / 'bag', cut_off)
+
+    assert not (cut_off / 'metadata.yaml').exists()
+    file = next(cut_off.glob('bag.*'))
+    for path in (cut_off, file, tmp_path / 'bag' / file.name):
+        found = read_bag(path)
+        assert found.scenario is not None, path
+        assert (found.scenario.values, found.scenario_name) == (scenario.values, 'name of it')
+        assert found.writer == 'jazzy'
+    assert contents(tmp_path / 'bag') == EXPECTED
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_the_last_scenario_kept_counts(storage, tmp_path):
+    with BagWriter(tmp_path / 'bag', TYPES, storage=storage) as bag:
+        for threshold in (0.1, 0.2, 0.2):
+            bag.keep_scenario(Scenario.from_values({'event_threshold': threshold}), 'it')
+            write(bag)
+
+    (tmp_path / 'bag' / 'metadata.yaml').unlink()
+    assert read_bag(tmp_path / 'bag').scenario['event_threshold'] == 0.2
+
+
+def test_a_bag_with_a_broken_scenario_is_refused_in_one_line(tmp_path):
+    with BagWriter(tmp_path / 'bag', TYPES) as bag:
+        bag.keep_scenario(Scenario.from_values({}), 'it')
+        write(bag)
+    metadata = tmp_path / 'bag' / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('{"', '{', 1))
+
+    with pytest.raises(ParameterError, match='holds a broken scenario'):
+        read_bag(tmp_path / 'bag')

@@ -140,17 +140,25 @@ def read_bag(
         messages.sort(key=lambda message: message.received_ns)
         if found.get(names.get(ESTIMATE, '')) == FORMER_TYPE:
             messages = of_today(messages)
-        scenario = bag.custom.get(PARAMETERS_KEY)
         return RecordedBag(
             path=path,
             messages=tuple(messages),
             names=names,
             ignored=tuple(sorted(found.keys() - set(names.values()))),
-            scenario=None if scenario is None else Scenario.from_values(json.loads(scenario)),
+            scenario=_scenario_in(path, bag.custom.get(PARAMETERS_KEY)),
             scenario_name=bag.custom.get(NAME_KEY, path.stem),
             writer=bag.distribution or 'unknown',
             damage=damage,
         )
+
+
+def _scenario_in(path: Path, text: str | None) -> Scenario | None:
+    if text is None:
+        return None
+    try:
+        return Scenario.from_values(json.loads(text))
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ParameterError('bag', path, f'holds a broken scenario: {error}') from None
 
 
 def _first_message(bag: BagFile, topic: str) -> bytes | None:

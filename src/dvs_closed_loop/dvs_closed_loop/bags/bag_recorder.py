@@ -14,6 +14,7 @@ from dvs_closed_loop.bags.recording import BagFullError, BagWriter
 from dvs_closed_loop.bags.streams import Stream
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.source_time import WithSourceTime
+from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
@@ -94,6 +95,21 @@ class BagRecorder:
         """Write what has waited where no other message comes."""
         try:
             self._bag.keep_up()
+        except BagFullError as error:
+            self.failure = error
+
+    def keep_scenario(self, scenario: Scenario, name: str) -> None:
+        """Store the parameters of the run; see `BagWriter.keep_scenario`.
+
+        Parameters
+        ----------
+        scenario
+            Parameters of the run.
+        name
+            Name of the scenario.
+        """
+        try:
+            self._bag.keep_scenario(scenario, name)
         except BagFullError as error:
             self.failure = error
 

@@ -17,7 +17,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from dvs_closed_loop.bags.bag_metadata import BagTopic, metadata_text
-from dvs_closed_loop.bags.bag_storage import McapStorage, SqliteStorage, Storage
+from dvs_closed_loop.bags.bag_storage import Storage
+from dvs_closed_loop.bags.mcap_storage import McapStorage
+from dvs_closed_loop.bags.sqlite_storage import SqliteStorage
 from dvs_closed_loop.bags.streams import STREAMS, base_name
 from dvs_common.errors import ParameterError, SuiteError
 from dvs_common.scenario.scenario import Scenario
@@ -90,7 +92,7 @@ class BagWriter:
         return sum(file.stat().st_size for file in files)
 
     def keep_scenario(self, scenario: Scenario, name: str) -> None:
-        """Store the parameters of the run in the bag, for `report`.
+        """Store the parameters of the run in the bag, for `report`, also of a killed recorder.
 
         Parameters
         ----------
@@ -98,8 +100,20 @@ class BagWriter:
             Parameters of the run.
         name
             Name of the scenario.
+
+        Raises
+        ------
+        BagFullError
+            If it can't be written; the bag is closed and readable then.
         """
-        self._custom = {NAME_KEY: name, PARAMETERS_KEY: json.dumps(dict(scenario.values))}
+        custom = {NAME_KEY: name, PARAMETERS_KEY: json.dumps(dict(scenario.values))}
+        if self._closed or custom == self._custom:
+            return
+        self._custom = custom
+        try:
+            self._storage.note(self._metadata())
+        except OSError as error:
+            self._give_up(error)
 
     def write(
         self, topic: str, received_ns: int, message: bytes, *, published_ns: int | None = None
@@ -163,15 +177,18 @@ class BagWriter:
         self._reserve.unlink(missing_ok=True)
         with suppress(OSError):
             self._storage.flush()
-        metadata = metadata_text(
+        metadata = self._metadata()
+        self._storage.finish(metadata)
+        write_text(self.path / 'metadata.yaml', metadata)
+
+    def _metadata(self) -> str:
+        return metadata_text(
             storage=self._kind,
             file_name=self._storage.path.name,
             topics=self._topics,
             content=self._storage.tally.content,
             custom=self._custom,
         )
-        self._storage.finish(metadata)
-        write_text(self.path / 'metadata.yaml', metadata)
 
     def __enter__(self) -> BagWriter:
         """Return itself."""

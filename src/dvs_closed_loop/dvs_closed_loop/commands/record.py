@@ -72,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
     streams = chosen_streams(options.topics)
     path = options.bag or Path(time.strftime('dvs_%Y_%m_%d-%H_%M_%S'))
     scenario = load_scenario(options.params_file) if options.params_file else None
+    name = options.params_file.stem if options.params_file else path.name
     with tool_node('bag_recorder', options.namespace, options.ros_arguments) as tool:
         names = {tool.node.resolve_topic_name(s.topic): s.type_name for s in streams}
         parameters = LoopParameters(tool.node)
@@ -81,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
             print(f'recording {len(streams)} topics to {path}/', flush=True)
             started = time.monotonic()
             next_question = started
+            if scenario is not None:
+                recorder.keep_scenario(scenario, name)
             with _Progress(recorder, bag) as progress:
                 while not tool.stop.received and recorder.failure is None:
                     elapsed = time.monotonic() - started
@@ -90,16 +93,15 @@ def run(options: argparse.Namespace) -> int:
                         progress.say(line)
                     for topic in recorder.newly_received():
                         progress.say(f'receives {topic}')
-                    if not parameters.complete and time.monotonic() >= next_question:
+                    is_told = scenario is not None or parameters.complete
+                    if not is_told and time.monotonic() >= next_question:
                         parameters.ask()
                         next_question = time.monotonic() + _ASK_PERIOD_S
+                        if parameters.scenario is not None:
+                            recorder.keep_scenario(parameters.scenario, name)
                     tool.spin(_TURN_S)
                     recorder.keep_up()
                     progress.update(elapsed)
-            found = scenario or parameters.scenario
-            if found is not None and recorder.failure is None:
-                name = options.params_file.stem if options.params_file else path.name
-                bag.keep_scenario(found, name)
     print(_summary(recorder, path))
     if recorder.failure is not None:
         print(f'dvs_closed_loop record: {recorder.failure}', file=sys.stderr)

@@ -11,14 +11,12 @@ import re
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
 
-import yaml
-
 from dvs_common.errors import ParameterError
+from dvs_event_camera.files.bag_notes import BagNotes, notes_beside
 from dvs_event_camera.files.bag_storages import BagMessage, Storage, opened_storage
 from dvs_event_camera.files.damage import DamagedFile
 
@@ -54,7 +52,7 @@ class BagFile:
         self.path = path
         self._stack = ExitStack()
         try:
-            notes = _notes(path)
+            notes = notes_beside(path)
             self._missing = [name for name in notes.files if not (path / name).exists()]
             self._storages = [self._open(file) for file in self._files(notes)]
         except BaseException:
@@ -66,12 +64,9 @@ class BagFile:
                 key=lambda topic: (topic.name, topic.type_name),
             )
         )
-        self.custom = notes.custom
-        for storage in self._storages:
-            self.custom = self.custom or storage.custom
-        self.distribution = notes.distribution or next(
-            (s.distribution for s in self._storages if s.distribution), ''
-        )
+        told = (notes, *(storage.notes for storage in self._storages))
+        self.custom = next((n.custom for n in told if n.custom), {})
+        self.distribution = next((n.distribution for n in told if n.distribution), '')
 
     def __enter__(self) -> BagFile:
         """Return the open bag."""
@@ -104,7 +99,7 @@ class BagFile:
         if self._missing:
             raise DamagedFile(self.path, f'lacks {", ".join(self._missing)}')
 
-    def _files(self, notes: _Notes) -> list[Path]:
+    def _files(self, notes: BagNotes) -> list[Path]:
         if not self.path.is_dir():
             return [self.path]
         files = [self.path / name for name in notes.files if (self.path / name).exists()]
@@ -123,38 +118,6 @@ class BagFile:
         storage = opened_storage(path)
         self._stack.callback(storage.close)
         return storage
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Notes:
-    """What metadata.yaml says, as far as it is there."""
-
-    files: tuple[str, ...] = ()
-    custom: dict[str, str]
-    distribution: str = ''
-
-
-def _notes(path: Path) -> _Notes:
-    file = path / 'metadata.yaml'
-    if not file.exists():
-        return _Notes(custom={})
-    try:
-        content = yaml.safe_load(file.read_text(encoding='utf-8'))
-        notes = content['rosbag2_bagfile_information']
-        # Older ones name files relative to the folder above.
-        files = tuple(Path(name).name for name in notes.get('relative_file_paths') or ())
-        custom = notes.get('custom_data') or {}
-        return _Notes(files=files, custom=dict(custom), distribution=notes.get('ros_distro') or '')
-    except (
-        yaml.YAMLError,
-        UnicodeDecodeError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        ValueError,
-        RecursionError,
-    ):
-        return _Notes(custom={})
 
 
 def _storage_suffix(path: Path) -> bool:

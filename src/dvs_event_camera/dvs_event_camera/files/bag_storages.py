@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from dvs_common.errors import ParameterError
+from dvs_event_camera.files.bag_notes import BagNotes, notes_within
 from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.event_array import EVENT_ARRAY, event_array_from_ros1
 from dvs_event_camera.files.mcap_scan import scan_mcap
@@ -58,8 +59,7 @@ class Storage(Protocol):
     """One file of a bag."""
 
     topics: frozenset[BagTopic]
-    custom: dict[str, str]
-    distribution: str
+    notes: BagNotes
 
     def messages(self, names: Collection[str] | None) -> Iterator[BagMessage]:
         """Messages in the order of their reception.
@@ -113,8 +113,7 @@ class _Ros2Storage:
         self._reader = rosbag2.Reader(path)
         self._reader.open()
         self.topics = _topics_of(self._reader)
-        self.custom = dict(self._reader.storage.metadata.custom or {})
-        self.distribution = self._reader.ros_distro or ''
+        self.notes = notes_within(path)
 
     def messages(self, names: Collection[str] | None) -> Iterator[BagMessage]:
         """Messages; see `Storage.messages`."""
@@ -143,8 +142,7 @@ class _Ros1Storage:
         self._path = path
         self._reader = rosbag1.Reader(path)
         self._reader.open()
-        self.custom: dict[str, str] = {}
-        self.distribution = 'ROS 1'
+        self.notes = BagNotes(distribution='ROS 1')
         self.topics = _topics_of(self._reader)
         self._types = _ros1_types(self._reader.connections)
 
@@ -177,8 +175,7 @@ class _ScannedMcap:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.custom: dict[str, str] = {}
-        self.distribution = ''
+        self.notes = notes_within(path)
         found = set()
         try:
             for message in scan_mcap(path):

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO
 
-_MAGIC = b'\x89MCAP0\r\n'
+MAGIC = b'\x89MCAP0\r\n'
 _DATA_END, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x0F, 0x03, 0x04, 0x05, 0x06
 _RECORD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
@@ -61,15 +61,15 @@ def scan_mcap(path: Path) -> Iterator[ScannedMessage]:
     schemas: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
     with path.open('rb') as file:
-        if file.read(len(_MAGIC)) != _MAGIC:
+        if file.read(len(MAGIC)) != MAGIC:
             raise ValueError('is no MCAP file')
         for opcode, content in _records(file):
             if opcode == _SCHEMA:
-                number, name = struct.unpack_from('<H', content)[0], _text(content, 2)
+                number, name = struct.unpack_from('<H', content)[0], text_at(content, 2)[0]
                 schemas[number] = name
             elif opcode == _CHANNEL:
                 number, schema = struct.unpack_from('<HH', content)
-                channels[number] = (_text(content, 4), schemas.get(schema, ''))
+                channels[number] = (text_at(content, 4)[0], schemas.get(schema, ''))
             elif opcode == _MESSAGE:
                 number, _, log_time, _ = _MESSAGE_HEAD.unpack_from(content)
                 topic, type_name = channels[number]
@@ -123,9 +123,19 @@ def _decompressed(data: bytes, name: str, size: int) -> bytes:
     raise ValueError(f'holds a chunk compressed with {name!r}')
 
 
-def _text(content: bytes, at: int) -> str:
+def text_at(content: bytes, at: int) -> tuple[str, int]:
+    """Text of an MCAP record, and where it ends.
+
+    Parameters
+    ----------
+    content
+        Content of the record.
+    at
+        Where the text begins with its size, bytes.
+    """
     (size,) = struct.unpack_from('<I', content, at)
-    return content[at + 4 : at + 4 + size].decode('utf-8', 'replace')
+    end = at + 4 + size
+    return content[at + 4 : end].decode('utf-8', 'replace'), end
 
 
 def _exactly(file: BinaryIO, size: int) -> bytes:
