@@ -11,7 +11,9 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_hinf_controller.analysis.budget import Budget
 
-BUDGET = Budget(threshold=0.15, ignorance=0.01, delta_certified=0.1, unknown_pixels=3)
+BUDGET = Budget(
+    threshold=0.15, ignorance=0.01, delta_certified=0.1, unknown_pixels=3, masked_pixels=(1, 7)
+)
 
 
 def message(budget=BUDGET, name='hinf_controller', **others):
@@ -25,6 +27,7 @@ def test_a_budget_is_read_back():
     (found,) = reported_budgets([message()])
 
     assert (found.used, found.unknown_pixels) == (BUDGET.used, 3)
+    assert found.masked_pixels == (1, 7)
     assert math.isclose(found.delta_certified, 0.1)
     assert str(found) == 'not certified: 3 pixels unknown'
 

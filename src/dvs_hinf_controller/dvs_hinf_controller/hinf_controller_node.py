@@ -36,6 +36,8 @@ _STALE_S = 2.0
 # Time without any known reference after which `unknown_references: stop` stops.
 _BLIND_S = 2.0
 _UNKNOWN_REFERENCES = 4
+# Of the pixels that are used now.
+_NOT_YET = 'being worked out'
 # Of an estimate.
 _BYTES_A_PIXEL = 24
 _COPY_TYPES = {
@@ -236,11 +238,10 @@ class HinfControllerNode(ManagedNode):
 
     def health(self) -> Health:
         """Rates, estimator and thresholds; see `ManagedNode.health`."""
-        figures = self._design.figures
         h = self._controller.event_threshold
         references = self._controller.references
-        delta_certified = self._certificate.of(references.health.healthy)
-        budget = self._controller.read_budget(delta_certified)
+        figures = self._certificate.of(references.health.healthy)
+        budget = self._controller.read_budget(figures.delta_certified if figures else 0.0)
         event_rate = self._event_rate.read(self._events)
         limiter = self._controller.limiter
         return Health(
@@ -258,16 +259,15 @@ class HinfControllerNode(ManagedNode):
                 'anchors': references.anchors.used,
                 'anchors unused': references.anchors.unused,
                 'pixels contradicted by anchors': references.anchors.contradictions,
-                'pixels masked': references.health.masked_count,
                 'age of events [s]': f'{self.silence_s(topics.EVENTS):.3f}',
                 'commands at command_limit': limiter.limited if limiter else 0,
                 'commands at command_rate_limit': limiter.slowed if limiter else 0,
                 'h': h,
-                'h* (published)': figures.h_star,
-                'h_certified': figures.h_certified,
+                'h* (published)': figures.h_star if figures else _NOT_YET,
+                'h_certified': figures.h_certified if figures else _NOT_YET,
                 **budget.figures,
-                'h <= h*': h <= figures.h_star,
-                'h <= h_certified': h <= figures.h_certified,
+                'h <= h*': h <= figures.h_star if figures else _NOT_YET,
+                'h <= h_certified': h <= figures.h_certified if figures else _NOT_YET,
             },
         )
 

@@ -61,3 +61,17 @@ def test_a_masked_pixel_is_not_counted():
     known.half_widths[0] = np.inf
 
     assert known.width == 0.1
+
+
+def test_a_pixel_masked_since_the_last_reading_is_named():
+    found = with_anchors(mask=(4,), anchor=0.01)
+    health = found.references.health
+    bad = np.arange(PIXELS) == 2
+    for _ in range(4):
+        health.note(~bad, bad)
+    while not health.healthy[2]:
+        health.note(np.ones(PIXELS, bool), np.zeros(PIXELS, bool))
+
+    assert read(found).masked_pixels == (2, 4)
+    # From now on it is another moment.
+    assert read(found).masked_pixels == (4,)

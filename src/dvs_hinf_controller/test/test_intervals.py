@@ -336,7 +336,7 @@ def test_a_pixel_contradicted_again_and_again_is_masked_and_may_come_back():
     changes = [health.note(good, bad) for _ in range(4)]
     assert changes == [False, False, False, True]
     assert health.healthy.tolist() == [False, True, True]
-    assert health.masked_count == 1
+    assert health.read_masked() == (0,)
 
     everything = np.ones(PIXELS, bool)
     agreed = 0

@@ -1,6 +1,8 @@
 """Masked pixels leave the design and its certificate, from the start and in the midst of a run."""
 
 import dataclasses
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.design import live_certificate
 from dvs_hinf_controller.design.design import (
     design_controller,
     design_from_scenario,
@@ -18,6 +21,7 @@ from dvs_hinf_controller.design.design import (
 )
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.problem import unmasked
+from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
 SCENARIO = Scenario.from_values({})
 PIXELS = np.array([True, False, True])
@@ -83,21 +87,62 @@ def test_a_mask_beyond_the_array_or_of_all_pixels_is_refused(mask):
 
 def settled(certificate, pixels):
     deadline = time.monotonic() + 60
-    while (delta := certificate.of(pixels)) == 0.0:
+    while (figures := certificate.of(pixels)) is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    return delta
+    return figures
 
 
 def test_the_certificate_follows_the_pixels_that_are_used(design):
     certificate = LiveCertificate(design)
     everything = np.ones(3, bool)
 
-    assert certificate.of(everything) == design.figures.delta_certified
+    assert certificate.of(everything) is design.figures
     # Nothing is certified before it is worked out.
-    assert certificate.of(PIXELS) == 0.0
-    expected = measure(design.problem.of_pixels(PIXELS), design.controller).delta_certified
+    assert certificate.of(PIXELS) is None
+    expected = measure(design.problem.of_pixels(PIXELS), design.controller)
     assert settled(certificate, PIXELS) == expected
-    assert expected != design.figures.delta_certified
-    certificate.of(everything)
-    assert settled(certificate, everything) == design.figures.delta_certified
+    assert expected.delta_certified != design.figures.delta_certified
+    assert certificate.of(everything) is design.figures
+    # Of several sets in a row the last one counts.
+    certificate.of(np.array([True, True, False]))
+    assert settled(certificate, PIXELS) == expected
+
+
+def test_pixels_without_figures_are_told_where_the_certificate_is_read(design, monkeypatch):
+    def none(problem, controller):
+        raise SynthesisError(Assumption.CONFIRMATION, 'there are none')
+
+    monkeypatch.setattr(live_certificate, 'measure', none)
+
+    with pytest.raises(SynthesisError, match='there are none'):
+        settled(LiveCertificate(design), PIXELS)
+
+
+ENDLESS = """
+import threading
+import numpy as np
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.design import live_certificate
+from dvs_hinf_controller.design.design import design_from_scenario
+
+begun = threading.Event()
+
+def measure(problem, controller):
+    begun.set()
+    threading.Event().wait()
+
+live_certificate.measure = measure
+certificate = live_certificate.LiveCertificate(design_from_scenario(Scenario.from_values({})))
+assert certificate.of(np.array([True, False, True])) is None
+assert begun.wait(30)
+print('the end')
+"""
+
+
+def test_a_process_ends_while_a_certificate_is_worked_out():
+    ended = subprocess.run(
+        [sys.executable, '-c', ENDLESS], capture_output=True, text=True, timeout=60
+    )
+
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, 'the end\n', '')

@@ -2,7 +2,9 @@ import json
 from pathlib import Path
 
 import pytest
+import yaml
 
+from dvs_common.scenario.scenario import load_scenario
 from dvs_simulation.cli import main
 from dvs_simulation.judging.figure import phase_portrait_title
 
@@ -14,6 +16,10 @@ SCENARIO = """
     duration: {duration}
     event_threshold: {threshold}
 """
+
+
+def plain(values):
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items() if v != ()}
 
 
 def params_file(tmp_path, duration=2.0, threshold=0.15):
@@ -54,6 +60,20 @@ def test_the_sampled_mode_gives_the_verdict_of_the_ros_loop(tmp_path):
     assert code == 0
     assert result['cycles'] == 1001
     assert result['regulated'] is True
+
+
+def test_a_hot_pixel_leaves_the_mean_the_certificate_and_the_verdict(tmp_path):
+    hot = {'hot_pixel_fraction': 0.12, 'hot_pixel_rate': 60.0, 'duration': 6.0, 'seed': 1}
+    values = dict(load_scenario(CONFIG / 'real_sensor.yaml').values) | {'mode': 'lockstep'} | hot
+    file = tmp_path / 'hot.yaml'
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': plain(values)}}))
+
+    code = main(['simulate', '--params-file', str(file), '--sampled', '--output', str(tmp_path)])
+
+    result = json.loads((tmp_path / 'hot-sampled' / 'result.json').read_text())
+    assert (code, result['pixels_masked']) == (0, 1)
+    assert result['sector_ratio_max'] < 1
+    assert not result['certified']
 
 
 @pytest.mark.parametrize('option', ['--duration', '--event-threshold'])

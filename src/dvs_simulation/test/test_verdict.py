@@ -40,9 +40,13 @@ def run(errors, *, ratios=0.0, luminosity=(2.0, 3.0, 4.0)):
     luminosity = np.array(luminosity)
     samples = [
         ([0.5, error - 0.2], luminosity, luminosity * (1 + BOUND * np.broadcast_to(ratio, 3)))
-        for error, ratio in zip(errors, np.broadcast_to(ratios, len(errors)), strict=True)
+        for error, ratio in zip(errors, per_sample(ratios, len(errors)), strict=True)
     ]
     return decode_trace(recorded(samples, events_per_sample=3))
+
+
+def per_sample(ratios, count):
+    return ratios if np.ndim(ratios) == 2 else np.broadcast_to(ratios, count)
 
 
 def judged(trace, scenario=SCENARIO, **options):
@@ -228,3 +232,34 @@ def test_a_masked_pixel_is_not_judged():
     assert not worst(SCENARIO).sector_held
     assert worst(masked).sector_held
     assert worst(masked).delta_z == pytest.approx(BOUND)
+
+
+def test_what_is_allowed_counts_as_what_is_used():
+    # The pixels that were left promise less than those of the start.
+    verdict = certified_run(budget(), budget(delta_certified=0.2, masked_pixels=(1,)))
+
+    assert verdict.budget_allowed == math.atanh(0.2)
+    assert not verdict.certified
+    assert certified_run(budget(delta_certified=0.35, masked_pixels=(1,))).certified
+
+
+def test_a_pixel_that_was_masked_for_a_while_does_not_count_for_the_sector():
+    off = [0.0, 1.5, 0.0]
+    trace = run([0.0, 0.0], ratios=[off, off])
+
+    assert not judged(trace).sector_held
+    masked = judged(trace, reported=[budget(masked_pixels=(1, 7)), budget()])
+    assert masked.sector_held
+    assert masked.pixels_masked == 1
+    assert '3 pixels, 1 of them masked' in str(masked)
+    given = judged(trace, SCENARIO.replace(pixel_mask=(1,)))
+    assert given.sector_held
+    assert given.pixels_masked == 1
+
+
+def test_a_given_mask_leaves_the_budget_of_the_start():
+    poor = ReferenceBounds(lower=np.array([1.0, 0.1, 1.0]), upper=np.full(3, 1.2))
+
+    assert judged(run([0.0, 0.0]), bounds=poor).budget_used > 2 * USED
+    masked = judged(run([0.0, 0.0]), SCENARIO.replace(pixel_mask=(1,)), bounds=poor)
+    assert masked.budget_used == pytest.approx(USED)

@@ -12,6 +12,8 @@ from dvs_common.scenario.reference_bounds import ReferenceBounds
 
 # Rounding of logarithms.
 _ROUNDING = 1e-12
+# A message of health stays short.
+_NAMED_PIXELS = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,12 +30,15 @@ class Budget:
         Relative error of the estimate up to which the tolerance is guaranteed.
     unknown_pixels
         Healthy pixels of whose reference nothing is known.
+    masked_pixels
+        Row-major numbers of the pixels that are not used.
     """
 
     threshold: float
     ignorance: float
     delta_certified: float
     unknown_pixels: int = 0
+    masked_pixels: tuple[int, ...] = ()
 
     @property
     def used(self) -> float:
@@ -50,15 +55,20 @@ class Budget:
         """Whether the tolerance is guaranteed with what is known now."""
         return not self.unknown_pixels and self.used <= self.allowed * (1 + _ROUNDING)
 
+    @property
+    def left(self) -> float:
+        """What is left of it, negative where more is used than is allowed."""
+        return -math.inf if math.isinf(self.used) else self.allowed - self.used
+
     def is_worse_than(self, other: Budget) -> bool:
-        """Whether less is known than there.
+        """Whether less is left than there.
 
         Parameters
         ----------
         other
             Budget to compare with.
         """
-        return self.unknown_pixels > 0 or self.used > other.used * (1 + _ROUNDING)
+        return self.unknown_pixels > 0 or self.left < other.left - _ROUNDING * other.used
 
     @classmethod
     def at_start(cls, bounds: ReferenceBounds, step: float, delta_certified: float) -> Budget:
@@ -91,6 +101,7 @@ class Budget:
                 ignorance=float(values['max w']),
                 delta_certified=math.tanh(float(values['atanh(delta_certified)'])),
                 unknown_pixels=int(values['pixels unknown']),
+                masked_pixels=tuple(map(int, values.get('masked pixels', '').split())),
             )
         except (KeyError, ValueError):
             return None
@@ -102,6 +113,8 @@ class Budget:
             'h ln b': self.threshold,
             'max w': self.ignorance,
             'pixels unknown': self.unknown_pixels,
+            'pixels masked': len(self.masked_pixels),
+            'masked pixels': ' '.join(map(str, self.masked_pixels[:_NAMED_PIXELS])),
             'atanh(delta_certified)': self.allowed,
             'certificate': str(self),
         }

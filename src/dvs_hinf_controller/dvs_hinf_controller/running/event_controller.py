@@ -203,6 +203,7 @@ class EventController:
             ignorance=known.read_widest(),
             delta_certified=delta_certified,
             unknown_pixels=known.unknown_count,
+            masked_pixels=self.references.health.read_masked(),
         )
 
     @property

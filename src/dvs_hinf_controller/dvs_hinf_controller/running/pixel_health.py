@@ -40,11 +40,12 @@ class PixelHealth:
         self._suspicion = np.zeros(pixel_count, np.int16)
         self._suspect = np.zeros(pixel_count, bool)
         self.healthy: NDArray[np.bool_] = ~self._given
+        self._masked = self._given
 
-    @property
-    def masked_count(self) -> int:
-        """Number of pixels that are masked now."""
-        return int(np.count_nonzero(~self.healthy))
+    def read_masked(self) -> tuple[int, ...]:
+        """Row-major numbers of the pixels that were masked at any time since the last reading."""
+        masked, self._masked = self._masked, ~self.healthy
+        return tuple(np.flatnonzero(masked).tolist())
 
     def note(self, confirmed: NDArray[np.bool_], contradicted: NDArray[np.bool_]) -> bool:
         """Take the outcome of an anchor; return whether another set of pixels is healthy now.
@@ -70,4 +71,5 @@ class PixelHealth:
             healthy = ~self._given
         changed = not np.array_equal(healthy, self.healthy)
         self.healthy = healthy
+        self._masked = self._masked | ~healthy
         return changed

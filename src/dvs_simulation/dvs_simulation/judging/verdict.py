@@ -12,14 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import write_text
 from dvs_hinf_controller.analysis.budget import Budget
-from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design.design import Design
-from dvs_hinf_controller.problem import unmasked
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 from dvs_simulation.judging.measures import (
     Judgement,
     error,
@@ -30,6 +27,7 @@ from dvs_simulation.judging.measures import (
     silent_below,
     unsettled,
 )
+from dvs_simulation.judging.run_budget import run_budget
 from dvs_simulation.judging.trace import Trace
 from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
 
@@ -96,11 +94,15 @@ class Verdict:
     output_tolerance
         Tolerance of it; None for none.
     sector_ratio_max
-        Largest ``|z - y| / (delta_z |y|)`` over all pixels and samples outside the dead band.
+        Largest ``|z - y| / (delta_z |y|)`` over all samples outside the dead band and all pixels
+        that were used throughout.
     delta_z
         Bound of Lemma 4 on ``|z - y| / |y|``, the largest of all pixels.
     pixels
         r.
+    pixels_masked
+        Number of pixels that were not used, be it for a while: `pixel_mask`, and those that
+        anchors have contradicted again and again.
     events
         Number of events.
     events_per_pixel
@@ -149,6 +151,7 @@ class Verdict:
     sector_ratio_max: float
     delta_z: float
     pixels: int
+    pixels_masked: int
     events: int
     events_per_pixel: float
     cycles: int
@@ -238,12 +241,16 @@ class Verdict:
                 f'({self.promise}), h* = {self.h_star:.5f}',
                 f'  certificate          {self.certificate}',
                 f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
-                f'{self.pixels} pixels)',
+                f'{self.pixels} pixels{self._masked})',
                 f'  speed                {self.cycles} cycles, {self.cycles_per_second:.0f} '
                 f'cycles/s, {self.simulated_seconds / max(self.wall_seconds, 1e-9):.2f} x real '
                 f'time{skipped}',
             )
         )
+
+    @property
+    def _masked(self) -> str:
+        return f', {self.pixels_masked} of them masked' if self.pixels_masked else ''
 
     def _optional_lines(self) -> list[str]:
         lines = []
@@ -293,11 +300,10 @@ def judge(
         What the controller reported of its budget, in any order.
     """
     bounds = bounds or scenario.reference_bounds(trace.luminosities[0])
-    step = threshold_step(scenario.sensor.event_threshold, scenario.sensor.log_base)
-    start = Budget.at_start(bounds, step, promised.delta_certified)
-    worse = [budget for budget in reported if budget.is_worse_than(start)]
-    worst = max((start, *worse), key=lambda budget: (budget.unknown_pixels, budget.used))
-    bound = error_bounds(scenario, bounds, worst)
+    budget = run_budget(
+        scenario, bounds, delta_certified=promised.delta_certified, reported=reported
+    )
+    worst, bound = budget.worst, budget.error_bounds
     held = scenario.equilibrium
     errors = error(trace.states, held, scenario.error_weights)
     outputs = output_error(trace.states, held, scenario.model.output_vector)
@@ -323,6 +329,7 @@ def judge(
         sector_ratio_max=judgement.sector_ratio_max,
         delta_z=float(bound.max(where=np.isfinite(bound), initial=0.0)),
         pixels=pixels,
+        pixels_masked=budget.masked_pixels,
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
         cycles=cycles,
@@ -335,7 +342,7 @@ def judge(
         h_certified=threshold_or_null(promised.h_certified),
         saturated_cycles=int(saturated.sum()),
         certified=scenario.sensor.event_threshold <= promised.h_certified
-        and all(budget.is_certified for budget in worse)
+        and budget.is_certified
         and not saturated.any(),
         budget_used=worst.used,
         budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
@@ -369,28 +376,3 @@ def sector_ratios(trace: Trace, scenario: Scenario, error_bound: FloatArray) -> 
         error_bound=error_bound,
         dead_band=silent_below(scenario),
     )
-
-
-def error_bounds(scenario: Scenario, bounds: ReferenceBounds, worst: Budget) -> FloatArray:
-    """``delta_z`` of every pixel over a whole run, shape (r,); infinite for a masked one.
-
-    That of a sensor that need not be ideal is ``tanh(h ln b + max w)`` of its worst moment: what
-    events, leakage and anchors do to its references is not known before.
-
-    Parameters
-    ----------
-    scenario
-        Parameters of the run.
-    bounds
-        What was known of the references at its start.
-    worst
-        Least favourable budget of the run.
-    """
-    bound = sector(
-        bounds,
-        event_threshold=scenario.sensor.event_threshold,
-        log_base=scenario.sensor.log_base,
-    ).error_bound
-    if SensorUncertainty.of_scenario(scenario) != SensorUncertainty():
-        bound = np.maximum(bound, math.tanh(worst.used))
-    return np.where(unmasked(bound.size, scenario.uncertainty.pixel_mask), bound, math.inf)
