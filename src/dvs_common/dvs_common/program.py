@@ -11,6 +11,7 @@ import os
 import select
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -46,6 +47,7 @@ def run_program(module: str) -> int:
         Full name of the module.
     """
     _handle(_leave)
+    _let_warnings_be_warnings()
     try:
         main = import_module(module).main
         _handle(_interrupt)
@@ -100,6 +102,13 @@ def _handle(handler: Handler | signal.Handlers) -> None:
         # nohup has a program ignore that its terminal is closed.
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
+
+
+def _let_warnings_be_warnings() -> None:
+    """Keep ``PYTHONWARNINGS=error`` from ending a program by what a library warns of."""
+    if any(option.startswith('error') for option in sys.warnoptions):
+        os.environ['PYTHONWARNINGS'] = 'default'
+        warnings.simplefilter('default')
 
 
 def _program() -> str:

@@ -1,5 +1,6 @@
 """A program without a package that it needs, and one whose output is no longer read."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 
-def run(module, folder):
+def run(module, folder, **variables):
     program = f"""
 import sys
 from pathlib import Path
@@ -16,8 +17,25 @@ sys.argv[0] = 'tool'
 sys.exit(run_program({module!r}))
 """
     return subprocess.run(
-        [sys.executable, '-c', program], cwd=folder, capture_output=True, text=True
+        [sys.executable, '-c', program],
+        cwd=folder,
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
     )
+
+
+@pytest.mark.parametrize('wanted', ['error', 'error::DeprecationWarning'])
+def test_a_warning_of_a_library_ends_no_program_whatever_python_is_told(wanted, tmp_path):
+    (tmp_path / 'warns.py').write_text(
+        'import os, warnings\nwarnings.warn("old", DeprecationWarning)\n'
+        'def main():\n    print(os.environ["PYTHONWARNINGS"])\n    return 0\n'
+    )
+
+    result = run('warns', tmp_path, PYTHONWARNINGS=wanted)
+
+    assert (result.returncode, result.stdout) == (0, 'default\n'), result.stderr
+    assert 'DeprecationWarning: old' in result.stderr
 
 
 def test_a_package_that_is_not_installed_is_named_in_one_line(tmp_path):

@@ -3,7 +3,12 @@
 import pytest
 
 from dvs_common.errors import ParameterError
-from dvs_common.node.session import own_arguments, require_domain, ros_session
+from dvs_common.node.session import (
+    own_arguments,
+    require_discovery,
+    require_domain,
+    ros_session,
+)
 
 
 @pytest.mark.parametrize('text', ['', ' 7 ', '0', '232', '0x10', '017', '+3'])
@@ -19,6 +24,14 @@ def test_a_domain_that_is_none_is_refused(text, monkeypatch):
 
     with pytest.raises(ParameterError, match=r'must be a whole number from 0 to 232'):
         require_domain()
+
+
+@pytest.mark.parametrize('text', ['OFF', 'off'])
+def test_a_loop_whose_nodes_can_not_find_each_other_is_refused(text, monkeypatch):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', text)
+
+    with pytest.raises(ParameterError, match='lets no node find another'):
+        require_discovery()
 
 
 def test_arguments_that_ros_refuses_are_told():

@@ -23,7 +23,7 @@ from dvs_hinf_controller.analysis.promise import (
 from dvs_hinf_controller.analysis.sampled_gains import SampledGains
 from dvs_hinf_controller.analysis.thresholds import certified_uncertainty, event_threshold
 from dvs_hinf_controller.design import Design, design_from_scenario
-from dvs_hinf_controller.design.certification import held_from
+from dvs_hinf_controller.design.certification import farthest_start, held_from
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
@@ -151,6 +151,23 @@ def test_a_start_is_bounded_from_then_on(designs) -> None:
 
     assert held.error > max(float(np.linalg.norm(start)), limit.error)
     assert np.all(held.commands > limit.commands)
+
+
+@pytest.mark.parametrize('direction', [[1.0, 0.0], [-0.3, 0.4], [0.0, 1e-3]])
+def test_the_farthest_start_is_the_last_from_which_light_is_promised(designs, direction) -> None:
+    design = designs['unstructured']
+    arguments = (design.problem, design.controller, 0.05)
+    start = farthest_start(*arguments, np.array(direction))
+
+    assert np.linalg.norm(start) > 0.01
+    assert math.isfinite(held_from(*arguments, start=start).error)
+    assert held_from(*arguments, start=1.001 * start).error == math.inf
+
+
+def test_without_a_promise_there_is_no_farthest_start(designs) -> None:
+    design = designs['unstructured']
+
+    assert not farthest_start(design.problem, design.controller, 0.9, np.array([1.0, 0.0])).any()
 
 
 def test_a_disturbance_that_no_controller_bears_leaves_no_promise(designs) -> None:

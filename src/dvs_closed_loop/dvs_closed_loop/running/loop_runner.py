@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Sequence
 
@@ -34,6 +35,14 @@ _REPAIR_S = 7.0
 _ASK_PERIOD_S = 0.5
 _TURN_S = 0.1
 _LOOK_AROUND_S = 1.0
+_DISCOVERY = (
+    'ROS_AUTOMATIC_DISCOVERY_RANGE',
+    'ROS_STATIC_PEERS',
+    'ROS_LOCALHOST_ONLY',
+    'ROS_DISCOVERY_SERVER',
+    'FASTRTPS_DEFAULT_PROFILES_FILE',
+    'FASTDDS_DEFAULT_PROFILES_FILE',
+)
 _COMPANY = (
     'a plant_sim runs in this ROS domain already: give another ROS_DOMAIN_ID, or a --namespace'
 )
@@ -168,7 +177,7 @@ class _RunningLoop:
         deadline = time.monotonic() + _START_TIMEOUT_S
         while not condition() and not self._stop.received:
             if time.monotonic() > deadline:
-                raise LoopError(f'waited {_START_TIMEOUT_S:g} s in vain for {awaited}')
+                raise LoopError(f'waited {_START_TIMEOUT_S:g} s in vain for {awaited}{_set()}')
             self._check(self._processes)
             self._progress.waits_for(awaited)
             self._session.turn(0.05)
@@ -193,6 +202,12 @@ class _RunningLoop:
         while (remaining := deadline - time.monotonic()) > 0:
             self._session.turn(remaining)
         self._progress.update(self.recorder)
+
+
+def _set() -> str:
+    """What is set of discovery, for a loop whose nodes did not find each other."""
+    found = [f'{name}={os.environ[name]}' for name in _DISCOVERY if os.environ.get(name)]
+    return f'; discovery goes by {", ".join(found)}' if found else ''
 
 
 def _observer(plan: NodePlan) -> Node:

@@ -108,10 +108,11 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
     Raises
     ------
     ParameterError
-        If ROS_DOMAIN_ID is no domain, or ROS refuses the arguments.
+        If ROS_DOMAIN_ID is no domain, discovery is off, or ROS refuses the arguments.
     """
     stop = StopSignal()
     require_domain()
+    require_discovery()
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -140,6 +141,17 @@ def require_domain() -> None:
         )
 
 
+def require_discovery() -> None:
+    """Raise `ParameterError` if the environment keeps nodes from finding each other."""
+    discovery = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '')
+    if discovery.upper() == 'OFF':
+        raise ParameterError(
+            'ROS_AUTOMATIC_DISCOVERY_RANGE',
+            discovery,
+            'lets no node find another: set it to LOCALHOST or SUBNET',
+        )
+
+
 def own_arguments(arguments: Sequence[str]) -> list[str]:
     """Return what of a command line is not ROS's, the program's name first.
 
@@ -162,11 +174,19 @@ def own_arguments(arguments: Sequence[str]) -> list[str]:
 def _refused(arguments: Sequence[str], error: RuntimeError) -> ParameterError:
     message = ' '.join(str(error).split())
     if 'initialize logging' in message:
+        name = next((n for n in ('ROS_LOG_DIR', 'ROS_HOME') if os.environ.get(n)), 'HOME')
         return ParameterError(
-            'HOME',
-            os.environ.get('HOME', ''),
+            name,
+            os.environ.get(name, ''),
             'has no folder for the log that can be written: set HOME, ROS_HOME or ROS_LOG_DIR to '
             f'one ({message})',
+        )
+    security = os.environ.get('ROS_SECURITY_ENABLE', '')
+    if 'initialize rcl' in message and security.lower() == 'true':
+        return ParameterError(
+            'ROS_SECURITY_ENABLE',
+            security,
+            'needs ROS_SECURITY_KEYSTORE, and in it an enclave of this program (docs/security.md)',
         )
     if 'Sequence should be of same type' in message:
         message += ' (ROS wants all numbers of a list alike: write 1.0 beside 0.5, not 1)'

@@ -19,10 +19,9 @@ def held_with_all(
     controller: LinearController,
     operation: Operation,
     *,
-    start: FloatArray | None = None,
     rtol: float = 3e-4,
-) -> Callable[[FloatArray], Held]:
-    """Bounds by the sectors of the pixels, the largest of all plants of an operation.
+) -> Callable[..., Held]:
+    """Bounds by the sectors of the pixels and by a start, the largest of all plants.
 
     A further plant does not hold the set-point by the feed-forward of the nominal one: what is
     left, ``A x_d + B u``, is a constant that moves its equilibrium.
@@ -35,10 +34,13 @@ def held_with_all(
         K.
     operation
         How the loop runs, and the further plants.
-    start
-        ``x - x_d`` at the start, for bounds from then on; None for the limit.
     rtol
         Relative width that is aimed at in the peak gains.
+
+    Returns
+    -------
+    Callable
+        Of the sectors, and of ``x - x_d`` at the start, None for bounds in the limit.
     """
     held = problem.equilibrium
     promises = [Promise(problem, controller, operation, rtol=rtol)]
@@ -47,7 +49,7 @@ def held_with_all(
         mine = replace(problem, model=plant)
         promises.append(Promise(mine, controller, operation, drift=drift, rtol=rtol))
 
-    def worst(sector: FloatArray) -> Held:
+    def worst(sector: FloatArray, start: FloatArray | None = None) -> Held:
         found = [promise.held(sector, start=start) for promise in promises]
         return Held(
             error=max(one.error for one in found),

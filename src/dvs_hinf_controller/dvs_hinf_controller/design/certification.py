@@ -22,6 +22,9 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
+# Of a start along its direction: where the search for the farthest one ends.
+_FARTHEST, _BISECTIONS = 2.0**30, 20
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
@@ -110,10 +113,53 @@ def held_from(
     start
         ``x - x_d`` at the start, for bounds that hold from then on; None for the limit.
     """
+    return _running(problem, controller)(sectors_at(problem, event_threshold), start)
+
+
+def farthest_start(
+    problem: DesignProblem,
+    controller: LinearController,
+    event_threshold: float,
+    direction: FloatArray,
+) -> FloatArray:
+    """Farthest start along a direction from which light is promised to stay on.
+
+    From nearer ones of this direction it is promised, too: the bounds grow with the start.
+
+    Parameters
+    ----------
+    problem
+        What is asked, with an operation.
+    controller
+        K.
+    event_threshold
+        h.
+    direction
+        Multiple of ``x - x_d`` at the start, shape (n,).
+
+    Returns
+    -------
+    ndarray
+        ``x - x_d``; 0 where nothing is promised at this threshold.
+    """
+    held, sectors = _running(problem, controller), sectors_at(problem, event_threshold)
+
+    def is_promised(factor: float) -> bool:
+        return math.isfinite(held(sectors, factor * direction).error)
+
+    inside, outside = 0.0, 1.0
+    while outside < _FARTHEST and is_promised(outside):
+        inside, outside = outside, 2 * outside
+    for _ in range(_BISECTIONS):
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if is_promised(middle) else (inside, middle)
+    return inside * direction
+
+
+def _running(problem: DesignProblem, controller: LinearController) -> Callable[..., Held]:
     if problem.operation is None:
         raise ValueError('a problem without an operation has no running loop')
-    held = held_with_all(problem, controller, problem.operation, start=start)
-    return held(sectors_at(problem, event_threshold))
+    return held_with_all(problem, controller, problem.operation)
 
 
 def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
