@@ -11,8 +11,9 @@ from rosbags.rosbag2 import Reader
 
 # Bytes of `events` and `command` that every scenario made in lockstep before the packages were
 # rearranged: each message preceded by its length as a little-endian int32, then SHA-256. (Those of
-# `pendulum` are of later: its controller is designed in balanced units since.) They hold
-# where logarithms and BLAS round as on the machine that made them.
+# `pendulum` are of later: its controller is designed in balanced units since; and those of
+# `printed_wall`, which is younger.) They hold where logarithms and BLAS round as on the machine
+# that made them.
 RECORDED = json.loads((Path(__file__).parent / 'lockstep_bytes.json').read_text())
 BYTES = RECORDED['scenarios'] if RECORDED['numerics'] == fingerprint() else {}
 LOCKSTEP = sorted(p.stem for p in CONFIG.glob('*.yaml') if 'mode: lockstep' in p.read_text())

@@ -24,6 +24,7 @@ QUICK = ('loop', 'latency', 'start', 'sampled', 'controller', 'cycle', 'camera',
 COMMANDS = {
     'bench.py': (*QUICK, '--quick', '--json', 'OUTPUT/bench.json'),
     'figures_camera.py': ('--output', 'OUTPUT'),
+    'profile_figure.py': ('--output', 'OUTPUT', '--wall', 'OUTPUT/wall.png'),
     'real_sensor_table.py': ('--quick', '--duration', '1', '--output', 'OUTPUT/real.png'),
     'textbook_figures.py': ('--quick', '--output', 'OUTPUT'),
     'trade_figure.py': ('--quick', '--output', 'OUTPUT/trade.png'),

@@ -18,7 +18,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/layouts', glob('layouts/*')),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
-        (f'share/{package_name}/config', glob('config/*.yaml')),
+        (f'share/{package_name}/config', [*glob('config/*.yaml'), *glob('config/*.png')]),
         (f'share/{package_name}/config/qos', glob('config/qos/*.yaml')),
     ],
     install_requires=[

@@ -17,6 +17,7 @@ setup(
     install_requires=['numpy>=1.26', 'PyYAML>=6.0'],
     extras_require={
         'numba': ['numba>=0.59'],
+        'pictures': ['Pillow>=9.5'],
         'plot': ['matplotlib>=3.6'],
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
         'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3'],

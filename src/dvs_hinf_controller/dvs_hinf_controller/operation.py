@@ -9,6 +9,7 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.brightness_profile import Linearisation
 from dvs_common.scenario.model import PlantModel
 
 
@@ -34,6 +35,8 @@ class Operation:
         Plants for which everything has to hold besides.
     model_uncertainty
         Largest relative error of every entry of A and B.
+    linearisation
+        How far the luminosity is from the straight line that the problem has in its place.
     interpolates
         Whether the sensor sees samples and interpolates the logarithm between them, as the
         simulated camera does; a real one sees luminosity at all times.
@@ -52,6 +55,7 @@ class Operation:
     output_disturbance: float = 0.0
     further_plants: tuple[PlantModel, ...] = ()
     model_uncertainty: float = 0.0
+    linearisation: Linearisation = field(default_factory=Linearisation)
     interpolates: bool = True
 
     def __post_init__(self) -> None:

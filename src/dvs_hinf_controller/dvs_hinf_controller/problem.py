@@ -88,6 +88,9 @@ class DesignProblem:
     def from_scenario(cls, scenario: Scenario) -> DesignProblem:
         """Problem that a scenario poses to a controller, which sees no luminosity.
 
+        A brightness profile is replaced by a line through the luminosity at the set-point; what
+        lies between them is part of the operation.
+
         Parameters
         ----------
         scenario
@@ -98,18 +101,23 @@ class DesignProblem:
         ParameterError
             If parameters do not fit together or the set-point is not stabilizable.
         """
-        model = scenario.model
+        model, scene = scenario.model, scenario.scene
         model.require_stabilizable()
         model.require_detectable()
+        held, line = scenario.equilibrium, scenario.linearisation
+        plants = [model, *scenario.further_plants]
+        if scene.profile is not None:
+            scene = scene.straightened(model, held.state, line.slope)
+            plants = [replace(one, output_vector=line.slope * one.output_vector) for one in plants]
         return cls(
-            model=model,
-            equilibrium=scenario.equilibrium,
-            scene=scenario.scene,
+            model=plants[0],
+            equilibrium=held,
+            scene=scene,
             bounds=scenario.model_reference_bounds,
             tolerance=scenario.objective.tolerance,
             log_base=scenario.sensor.log_base,
             error_weights=scenario.error_weights if scenario.objective.error_weights else None,
-            output_tolerance=scenario.output_tolerance,
+            output_tolerance=scenario.output_tolerance * abs(line.slope),
             settling_time=scenario.objective.settling_time or math.inf,
             operation=Operation(
                 sampling_period=scenario.loop.sampling_period,
@@ -118,8 +126,9 @@ class DesignProblem:
                 disturbance_bound=scenario.disturbance_bound,
                 constant_load=scenario.constant_load_bound,
                 output_disturbance=scenario.promise.output_disturbance_bound,
-                further_plants=scenario.further_plants,
+                further_plants=tuple(plants[1:]),
                 model_uncertainty=scenario.promise.model_uncertainty,
+                linearisation=line,
             ),
             initial_state=scenario.initial_state,
         )

@@ -12,6 +12,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.health import Health, Level, Trouble
 from dvs_common.node.managed_node import ManagedNode
+from dvs_common.scenario.brightness_profile import BrightnessProfile
 from dvs_common.scenario.parameters import PLANT
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.scenario.schema import ParameterSpec
@@ -36,7 +37,7 @@ _BYTES_A_PIXEL = 8
 class PlantNode(ManagedNode):
     """Publishes `luminosity`, `state` and `/clock`; takes `command`.
 
-    A subclass implements `make_plant`, and `luminosity` if its scene is not the affine one of the
+    A subclass implements `make_plant`, and `luminosity` if its scene is not that of the
     scenario; parameters of its own it lists in `own_parameters`. The node is called `plant_sim`
     whatever its executable, so that tools find it.
 
@@ -71,7 +72,9 @@ class PlantNode(ManagedNode):
         raise NotImplementedError
 
     def luminosity(self, state: FloatArray) -> FloatArray:
-        """Luminosity of every pixel, shape (r,), row-major; by default ``c'(x + dx_i)``.
+        """Luminosity of every pixel, shape (r,), row-major; by default that of the scenario.
+
+        This is ``c'(x + dx_i)``, or `brightness_profile` over it.
 
         Parameters
         ----------
@@ -110,7 +113,7 @@ class PlantNode(ManagedNode):
     def activate(self) -> None:
         """Start at the initial state; in lockstep with sample 0."""
         self.plant = disturbed(self.make_plant(self._scenario), self._scenario)
-        self._nonphysical_samples = 0
+        self._nonphysical_samples = self._samples_beyond = 0
         self._driver.start()
 
     def change(self, scenario: Scenario) -> Callable[[], None]:
@@ -127,6 +130,8 @@ class PlantNode(ManagedNode):
         troubles = list(self._driver.troubles())
         if self._nonphysical_samples:
             troubles.append(Trouble(level=Level.ERROR, message='luminosity <= 0'))
+        if self._samples_beyond:
+            troubles.append(Trouble(level=Level.WARN, message='brightness profile left'))
         if self.silence_s(topics.COMMAND) > _STALE_S:
             troubles.append(Trouble(level=Level.STALE, message='no command arrives'))
         return Health(
@@ -135,6 +140,7 @@ class PlantNode(ManagedNode):
                 **self._driver.figures(),
                 'age of command [s]': f'{self.silence_s(topics.COMMAND):.3f}',
                 'samples with luminosity <= 0': self._nonphysical_samples,
+                'samples beyond the brightness profile': self._samples_beyond,
             },
         )
 
@@ -157,6 +163,8 @@ class PlantNode(ManagedNode):
             luminosity = self._nonphysical(stamp_ns, luminosity)
             if self.exit_code is not None:
                 return
+        if self._scene.profile is not None:
+            self._watch_profile(stamp_ns, self._scene.profile)
         image = luminosity.reshape(self._scene.height, self._scene.width)
         self._message = pack_image(stamp_ns, image, '64FC1')
         # First what the loop waits for, then what others look at.
@@ -207,6 +215,16 @@ class PlantNode(ManagedNode):
         return 'camera and controller are there but do not answer'
 
     # -- details --------------------------------------------------------------------------------
+
+    def _watch_profile(self, stamp_ns: int, profile: BrightnessProfile) -> None:
+        if profile.covers(self._scene.positions(self._model, self.plant.state)):
+            return
+        self._samples_beyond += 1
+        if self._samples_beyond == 1:
+            self.get_logger().error(
+                f'a pixel is beyond brightness_profile at {as_seconds(stamp_ns):.6f} s: it sees '
+                'the luminosity of its end'
+            )
 
     def _nonphysical(self, stamp_ns: int, luminosity: FloatArray) -> FloatArray:
         self._nonphysical_samples += 1

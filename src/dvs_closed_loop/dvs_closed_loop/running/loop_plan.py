@@ -115,7 +115,7 @@ def loop_plan(
         package='',
         executable='',
         parameter_file=parameter_file,
-        parameters=dict(parameters or {}),
+        parameters=_resolved(scenario, parameters or {}),
         namespace=checked_namespace(namespace),
     )
     if composed:
@@ -132,6 +132,12 @@ def loop_plan(
     if plant_waits:
         plant = replace(plant, parameters={**common.parameters, 'autostart': False})
     return (*partners, plant)
+
+
+def _resolved(scenario: Scenario, parameters: Mapping[str, object]) -> dict[str, object]:
+    """Values that differ from the file, where a path in it is not that of a node's own folder."""
+    profile = scenario.profile.brightness_profile
+    return {**({'brightness_profile': profile} if profile else {}), **parameters}
 
 
 def plant_program(scenario: Scenario, parameter_file: Path) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""The linear plant, the affine scene that its pixels see, and the set-points it can hold.
+"""The linear plant, the scene that its pixels see, and the set-points it can hold.
 
 Every other package describes the plant by these types: the simulator steps it, the controller is
 designed for it and the exact hybrid automaton runs it.
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
+from dvs_common.scenario.brightness_profile import BrightnessProfile
 from dvs_common.scenario.reachability import (
     RANK_TOLERANCE,
     null_space_projector,
@@ -168,7 +169,7 @@ class Equilibrium:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PixelScene:
-    """Affine scene: pixel i sees ``y_i = c'(x + dx_i)`` (paper, eq. 1).
+    """Scene: pixel i sees ``y_i = c'(x + dx_i)`` (paper, eq. 1), or a profile over it.
 
     All pixels move with the one scalar ``c'x``; pixel i adds the constant ``c'dx_i``.
 
@@ -180,6 +181,8 @@ class PixelScene:
         Rows of the pixel array.
     width
         Columns of the pixel array; ``height * width = r``.
+    profile
+        Luminosity over ``c'(x + dx_i)``; None where it is that itself.
 
     Raises
     ------
@@ -190,6 +193,7 @@ class PixelScene:
     brightness_offsets: FloatArray
     height: int
     width: int
+    profile: BrightnessProfile | None = None
 
     def __post_init__(self) -> None:
         """Check the shape and freeze the array."""
@@ -236,8 +240,8 @@ class PixelScene:
         """Number of pixels r."""
         return int(self.brightness_offsets.size)
 
-    def luminosity(self, model: PlantModel, state: ArrayLike) -> FloatArray:
-        """Luminosity ``y_i = c'x + c'dx_i`` of every pixel, shape (r,).
+    def positions(self, model: PlantModel, state: ArrayLike) -> FloatArray:
+        """``c'x + c'dx_i`` of every pixel, shape (r,).
 
         Parameters
         ----------
@@ -248,4 +252,36 @@ class PixelScene:
         """
         return float(model.output_vector @ np.asarray(state, dtype=np.float64)) + (
             self.brightness_offsets
+        )
+
+    def luminosity(self, model: PlantModel, state: ArrayLike) -> FloatArray:
+        """Luminosity y_i of every pixel, shape (r,): `positions`, or the profile there.
+
+        Parameters
+        ----------
+        model
+            Plant with the brightness gradient c.
+        state
+            Plant state x in original coordinates, shape (n,).
+        """
+        positions = self.positions(model, state)
+        return positions if self.profile is None else self.profile.luminosity(positions)
+
+    def straightened(self, model: PlantModel, state: ArrayLike, slope: float) -> PixelScene:
+        """Affine scene for the gradient ``slope c`` that shows the same light at a state.
+
+        Parameters
+        ----------
+        model
+            Plant with the brightness gradient c.
+        state
+            Plant state x in original coordinates, shape (n,).
+        slope
+            Slope of the line that takes the place of the profile.
+        """
+        along = slope * float(model.output_vector @ np.asarray(state, dtype=np.float64))
+        return PixelScene(
+            brightness_offsets=self.luminosity(model, state) - along,
+            height=self.height,
+            width=self.width,
         )

@@ -28,6 +28,7 @@ from dvs_common.scenario.plant_parameters import (
     PlantParameters,
 )
 from dvs_common.scenario.presets import with_preset
+from dvs_common.scenario.profile_parameters import ProfileParameters
 from dvs_common.scenario.promise_parameters import PromiseParameters
 from dvs_common.scenario.schema import Schema, Value
 from dvs_common.scenario.sensor_parameters import SensorParameters
@@ -42,6 +43,7 @@ GROUPS = MappingProxyType(
     {
         'plant': PlantParameters,
         'pixels': PixelParameters,
+        'profile': ProfileParameters,
         'objective': ObjectiveParameters,
         'sensor': SensorParameters,
         'camera': CameraParameters,
@@ -73,6 +75,8 @@ class Parameters:
         The linear plant.
     pixels
         The pixel array.
+    profile
+        What its pixels see, where it is not a straight line.
     objective
         What the loop shall reach.
     sensor
@@ -104,6 +108,7 @@ class Parameters:
 
     plant: PlantParameters = field(default_factory=PlantParameters)
     pixels: PixelParameters = field(default_factory=PixelParameters)
+    profile: ProfileParameters = field(default_factory=ProfileParameters)
     objective: ObjectiveParameters = field(default_factory=ObjectiveParameters)
     sensor: SensorParameters = field(default_factory=SensorParameters)
     camera: CameraParameters = field(default_factory=CameraParameters)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,11 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
+from dvs_common.scenario.brightness_profile import Linearisation
 from dvs_common.scenario.loop_file import read_loop_values
 from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
 from dvs_common.scenario.parameters import Parameters
+from dvs_common.scenario.profile_file import read_profile
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 
 
@@ -50,8 +52,35 @@ class Scenario(Parameters):
         Raises
         ------
         ParameterError
-            If the lengths do not fit together.
+            If the lengths do not fit together, or brightness_profile can't be read.
         """
+        scene, given = self._pixel_array, self.profile
+        if not given.brightness_profile:
+            for name in ('profile_range', 'profile_reach'):
+                if self[name]:
+                    raise ParameterError(name, self[name], 'needs brightness_profile')
+            return scene
+        profile = read_profile(given.brightness_profile, given.profile_range)
+        return replace(scene, profile=profile)
+
+    @property
+    def linearisation(self) -> Linearisation:
+        """Line that takes the place of brightness_profile around the set-point.
+
+        Raises
+        ------
+        ParameterError
+            If the profile does not reach around the set-point, or neither rises nor falls there.
+        """
+        scene = self.scene
+        if scene.profile is None:
+            return Linearisation()
+        return scene.profile.line_around(
+            scene.positions(self.model, self.equilibrium.state), reach=self.profile.profile_reach
+        )
+
+    @property
+    def _pixel_array(self) -> PixelScene:
         if len(self.pixels.pixel_grid) != 2:
             raise ParameterError('pixel_grid', self.pixels.pixel_grid, 'must be [height, width]')
         height, width = self.pixels.pixel_grid
@@ -308,4 +337,8 @@ def load_scenario(
         If the file can't be read, is no parameter file, has a key that matches no node of the
         loop, names an unknown parameter, or a value breaks its rule.
     """
-    return Scenario.from_values(read_loop_values(path, namespace).merged(node))
+    values = read_loop_values(path, namespace).merged(node)
+    profile = values.get('brightness_profile')
+    if isinstance(profile, str) and profile.startswith(('./', '../')):
+        values['brightness_profile'] = str((Path(path).parent / profile).resolve())
+    return Scenario.from_values(values)

@@ -127,11 +127,16 @@ class Promise:
         luminosity = np.abs(problem.set_point_luminosity)
         unknown = self._operation.output_disturbance
         luminosity, least = luminosity + unknown, luminosity.min() - unknown
+        line = self._operation.linearisation
+        error = line.slope_error
+        share = float((sector * (1 + error) + error).mean())
         bend, outer = 0.0, self._outer(start)
         for _ in range(_ROUNDS):
             constant = float(np.mean(sector * luminosity)) + bend
-            solved = self._solve(constant, float(sector.mean()), outer)
-            if solved is None or solved.output >= least:
+            solved = self._solve(constant, share, outer)
+            if solved is None or (1 + error) * solved.output >= least:
+                return nothing
+            if solved.output > line.luminosity_reach:
                 return nothing
             grown = self._bend(solved, luminosity) * (1 + float(sector.max()))
             if grown <= bend * (1 + 1e-6):
@@ -236,9 +241,11 @@ class Promise:
         """How far a straight line in log y bends away from one in y, over a period, on average."""
         if not self._operation.interpolates:
             return 0.0
-        travel = self._operation.sampling_period * signals.output_rate
-        ratio = travel / (luminosity - signals.output)
-        return float(np.mean((luminosity + signals.output) * ratio**2)) / 8
+        line = self._operation.linearisation
+        travel = self._operation.sampling_period * signals.output_rate * line.steepness
+        change = (1 + line.slope_error) * signals.output
+        ratio = travel / (luminosity - change)
+        return float(np.mean((luminosity + change) * ratio**2)) / 8
 
 
 class Continuous:

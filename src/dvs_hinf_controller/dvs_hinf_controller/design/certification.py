@@ -207,6 +207,12 @@ def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
             bool(operation.further_plants),
         ),
         (
+            str(operation.linearisation),
+            'linearisation',
+            operation.linearisation,
+            math.isfinite(operation.linearisation.reach),
+        ),
+        (
             f'{100 * operation.model_uncertainty:g} % error of A and B',
             'model_uncertainty',
             operation.model_uncertainty,

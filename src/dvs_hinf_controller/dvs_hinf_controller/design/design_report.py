@@ -120,6 +120,8 @@ def promise_text(
         held = held_from(problem, design.controller, event_threshold, start=start)
         lines.append(f'  from its start  {_held(held, problem)}, {_command(held, limit)}')
         light = 'light stays on' if math.isfinite(held.error) else 'not proven that light stays on'
+        if problem.operation and math.isfinite(problem.operation.linearisation.reach):
+            light += ', and the profile within its reach'
         lines.append(f'  transient       {light}')
     return '\n'.join(lines)
 

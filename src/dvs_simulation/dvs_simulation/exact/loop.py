@@ -56,8 +56,9 @@ class ClosedLoop:
     Raises
     ------
     ParameterError
-        If sizes do not fit, a reference breaks assumption (A1), or a luminosity is not positive
-        with a ``log`` photoreceptor; the message names the pixel.
+        If sizes do not fit, the scene has a brightness profile, a reference breaks assumption
+        (A1), or a luminosity is not positive with a ``log`` photoreceptor; the message names the
+        pixel.
     """
 
     model: PlantModel
@@ -81,6 +82,12 @@ class ClosedLoop:
         object.__setattr__(self, 'initial_state', state)
         self._check_sizes()
         self._check_photoreceptor()
+        if self.scene.profile is not None:
+            raise ParameterError(
+                'brightness_profile',
+                f'{self.scene.profile.positions.size} knots',
+                'is not simulated exactly, where luminosity is a straight line: use --sampled',
+            )
         self.sector()
         y = self.initial_luminosity()
         reference = np.abs(y) if self.initial_reference is None else self.initial_reference

@@ -125,9 +125,11 @@ class Verdict:
         Guaranteed bound on h for the loop that runs; None where any threshold will do.
     saturated_cycles
         Number of commands at `command_limit`.
+    cycles_beyond_profile
+        Number of samples at which `brightness_profile` was left, or its `profile_reach`.
     certified
-        Whether h is within it, and what became of the references during the run, too, and no
-        command was at its limit: the promise stood for this run.
+        Whether h is within it, and what became of the references during the run, too, no command
+        was at its limit and no pixel beyond its profile: the promise stood for this run.
     budget_used
         Largest ``h ln b + max w`` of the run, as the controller reported it.
     budget_allowed
@@ -163,6 +165,7 @@ class Verdict:
     h_star: float
     h_certified: float | None
     saturated_cycles: int
+    cycles_beyond_profile: int
     certified: bool
     budget_used: float
     budget_allowed: float | None
@@ -207,6 +210,8 @@ class Verdict:
             return 'promised'
         if self.saturated_cycles:
             return 'nothing promised: the command was at its limit'
+        if self.cycles_beyond_profile:
+            return 'nothing promised: beyond profile_reach'
         return 'nothing promised'
 
     @property
@@ -264,6 +269,11 @@ class Verdict:
                 f'  command              at command_limit in {self.saturated_cycles} of '
                 f'{self.cycles} cycles'
             )
+        if self.cycles_beyond_profile:
+            lines.append(
+                f'  brightness profile   left, or its profile_reach, in '
+                f'{self.cycles_beyond_profile} of {self.cycles} cycles'
+            )
         return lines
 
 
@@ -309,6 +319,7 @@ def judge(
     outputs = output_error(trace.states, held, scenario.model.output_vector)
     settled = trace.times_s >= settled_from(trace.times_s[-1])
     saturated = np.any(np.abs(trace.commands) >= scenario.command_limit, axis=1)
+    beyond = int(np.count_nonzero(outputs > scenario.linearisation.reach))
     judgement = Judgement(
         tolerance=scenario.objective.tolerance,
         limsup_error=float(errors[settled].max()),
@@ -341,9 +352,11 @@ def judge(
         h_star=promised.h_star,
         h_certified=threshold_or_null(promised.h_certified),
         saturated_cycles=int(saturated.sum()),
+        cycles_beyond_profile=beyond,
         certified=scenario.sensor.event_threshold <= promised.h_certified
         and budget.is_certified
-        and not saturated.any(),
+        and not saturated.any()
+        and not beyond,
         budget_used=worst.used,
         budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
         certificate=str(worst),

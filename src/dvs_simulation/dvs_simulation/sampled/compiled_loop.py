@@ -4,8 +4,8 @@ Compiled: the linear plant with its noise, any conditions, ideal pixels with the
 OFF thresholds of their own, mismatch, refractory period, reset to the level, leakage, hot and dead
 pixels, and a controller with uncertain thresholds, leakage, masked pixels and lost events. Not
 compiled: other photoreceptors and interpolations, shot noise, the low-pass, delayed events,
-frames beside the events, constant disturbances, limits of commands, and what leaves a reference
-unknown.
+frames beside the events, constant disturbances, limits of commands, brightness profiles, and what
+leaves a reference unknown.
 """
 
 from __future__ import annotations
@@ -281,6 +281,8 @@ def compiled_loop(scenario: Scenario, design: Design) -> CompiledLoop | None:
     if imperfections.shot_noise_rate or imperfections.cutoff_frequency:
         return None
     if np.any(scenario.constant_load) or scenario.disturbance.output_disturbance:
+        return None
+    if scenario.profile.brightness_profile:
         return None
     return CompiledLoop(scenario, design, run, loops)
 

@@ -1,0 +1,102 @@
+#!/usr/bin/env python3
+"""Prints the wall of config/printed_wall.yaml and draws its run: docs/figures/printed_wall.png."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+root = Path(__file__).resolve().parent.parent
+sys.path[:0] = [
+    str(root / 'src' / name)
+    for name in (
+        'dvs_common',
+        'dvs_plant_sim',
+        'dvs_event_camera',
+        'dvs_hinf_controller',
+        'dvs_simulation',
+    )
+]
+
+from dvs_common.arrays import FloatArray  # noqa: E402
+from dvs_common.scenario.scenario import Scenario, load_scenario  # noqa: E402
+from dvs_simulation import plotting  # noqa: E402
+from dvs_simulation.judging.trace import Trace, decode_trace  # noqa: E402
+from dvs_simulation.sampled.sampled_loop import run_sampled  # noqa: E402
+
+SCENARIO = root / 'config' / 'printed_wall.yaml'
+_COLUMNS, _ROWS = 512, 32
+_GAMMA, _GRAIN, _SEED = 0.8, 3.0, 0
+
+
+def print_wall(path: Path, low: float, high: float) -> None:
+    """Save the picture: a wedge ``s^gamma`` with grain, in 8 bits."""
+    middles = low + (high - low) * (np.arange(_COLUMNS) + 0.5) / _COLUMNS
+    grain = np.random.default_rng(_SEED).normal(0, _GRAIN, (_ROWS, _COLUMNS))
+    grey = np.clip(np.round(255 * middles**_GAMMA + grain), 0, 255)
+    Image.fromarray(grey.astype(np.uint8)).save(path)
+
+
+def draw(scenario: Scenario, path: Path) -> None:
+    """Run the scenario; draw the profile with its line, and how far the run is from it."""
+    trace = decode_trace(run_sampled(scenario).messages)
+    with plotting.in_style():
+        figure, (left, right) = plotting.new_figure(9.0, 3.6, columns=2)
+        _draw_profile(left, scenario, trace)
+        _draw_error(right, scenario, trace)
+        plotting.save_figure(figure, path, dpi=120)
+
+
+def _line(scenario: Scenario, positions: FloatArray) -> FloatArray:
+    profile, line, at = scenario.scene.profile, scenario.linearisation, _set_point(scenario)
+    assert profile is not None
+    return np.asarray(profile.luminosity(np.array(at)) + line.slope * (positions - at))
+
+
+def _set_point(scenario: Scenario) -> float:
+    return float(scenario.scene.positions(scenario.model, scenario.equilibrium.state).mean())
+
+
+def _draw_profile(axes: Any, scenario: Scenario, trace: Trace) -> None:
+    profile, line, at = scenario.scene.profile, scenario.linearisation, _set_point(scenario)
+    assert profile is not None
+    inside = at + np.linspace(-line.reach, line.reach, 2)
+    axes.plot(profile.positions, profile.luminosities, label='profile: 32 stretches of the wall')
+    axes.plot(inside, _line(scenario, inside), '--', label='line that the design knows')
+    seen = trace.states @ scenario.model.output_vector + scenario.scene.brightness_offsets.mean()
+    axes.plot(seen, profile.luminosity(seen), lw=4, alpha=0.4, label='seen in the run')
+    axes.plot([at], [profile.luminosity(np.array(at))], 'ko', ms=4, label='set-point')
+    axes.set(xlabel="c'(x + dx)", ylabel='luminosity')
+    axes.legend()
+
+
+def _draw_error(axes: Any, scenario: Scenario, trace: Trace) -> None:
+    errors = np.linalg.norm(trace.states - scenario.equilibrium.state, axis=1)
+    axes.plot(trace.times_s, errors, label='||x - x_d||')
+    plotting.draw_tolerance(axes, scenario.objective.tolerance)
+    axes.set(xlabel='t [s]', ylim=(0, None))
+    axes.legend()
+
+
+def main() -> None:
+    """Print the wall again and draw the figure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    default = root / 'docs' / 'figures'
+    parser.add_argument('--output', type=Path, default=default, help='folder of the figure')
+    parser.add_argument('--wall', type=Path, help='print the wall into this file first')
+    options = parser.parse_args()
+    scenario = load_scenario(SCENARIO)
+    if options.wall:
+        print_wall(options.wall, *scenario.profile.profile_range)
+        scenario = scenario.replace(brightness_profile=str(options.wall))
+    options.output.mkdir(parents=True, exist_ok=True)
+    draw(scenario, options.output / 'printed_wall.png')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,80 @@
+"""What a brightness profile costs of the promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dvs_common.scenario.scenario import Scenario
+from dvs_hinf_controller.analysis.promise import Promise
+from dvs_hinf_controller.design import Design, design_from_scenario
+from dvs_hinf_controller.problem import DesignProblem
+
+BASE = {
+    'pixel_offsets': [0.45, 0.22, 0.46, 0.22, 0.44, 0.22],
+    'set_point': [0.0, 0.0],
+    'initial_state': [0.03, 0.03],
+    'tolerance': 0.05,
+}
+
+
+def scenario(tmp_path, curve: str, **changes: object) -> Scenario:
+    path = tmp_path / 'wall.py'
+    path.write_text(f'import numpy as np\n\ndef wall(s):\n    return {curve}\n')
+    given = {**BASE, 'brightness_profile': f'{path}:wall', 'profile_range': (0.01, 1.01)}
+    return Scenario.from_values({**given, 'profile_reach': 0.2, **changes})
+
+
+@pytest.fixture(scope='module')
+def straight() -> Design:
+    return design_from_scenario(Scenario.from_values(BASE))
+
+
+def test_a_straight_profile_costs_nothing_in_any_unit(tmp_path, straight):
+    for curve in ('s', '250 * s', '1e-3 * s'):
+        scale = eval(curve, {'s': 1.0})
+        given = scenario(tmp_path, curve, reference_uncertainty=0.002 * scale)
+        found = design_from_scenario(given).figures
+        assert found.h_certified == pytest.approx(straight.figures.h_certified, rel=2e-3)
+        assert found.costs[-1].threshold == pytest.approx(found.costs[-2].threshold, abs=1e-6)
+
+
+def test_a_profile_that_falls_is_regulated_as_one_that_rises(tmp_path, straight):
+    falling = design_from_scenario(
+        scenario(tmp_path, '1.02 - s', pixel_offsets=[0.46, 0.28, 0.47, 0.28, 0.45, 0.28])
+    )
+    assert falling.problem.model.output_vector == pytest.approx(
+        -straight.problem.model.output_vector
+    )
+    assert falling.figures.h_certified > 0.5 * straight.figures.h_certified
+
+
+def test_each_percent_of_slope_costs_more_and_is_named(tmp_path, straight):
+    found = []
+    for bow in (0.1, 0.2, 0.4):
+        design = design_from_scenario(scenario(tmp_path, f's + {bow} * (s - 0.5)**2'))
+        error = design.problem.operation.linearisation.slope_error
+        cost = design.figures.costs[-1]
+        assert cost.part == f'brightness profile, slope within {100 * error:.3g} %'
+        # Secants from the set-point D have the slopes 1 + bow (2 D - 1 + v).
+        assert error == pytest.approx(0.2 * bow, rel=0.1)
+        found.append(design.figures.h_certified)
+    assert straight.figures.h_certified > found[0] > found[1] > found[2] > 0
+
+
+def test_no_promise_reaches_beyond_the_stated_range(tmp_path):
+    """The bound of the output may not exceed profile_reach, however wide the tolerance is."""
+    wide = scenario(tmp_path, 's + 0.1 * (s - 0.5)**2', tolerance=0.4, profile_reach=0.02)
+    problem = DesignProblem.from_scenario(wide)
+    design = design_from_scenario(wide)
+    promise = Promise(problem, design.controller, problem.operation)
+    largest = design.figures.delta_certified
+    inside = promise.held(np.full(3, largest * 0.999))
+    assert inside.output <= problem.operation.linearisation.luminosity_reach
+    assert inside.error < 0.4
+    assert promise.held(np.full(3, largest * 1.01)).error == np.inf
+
+
+def test_the_output_tolerance_keeps_its_unit(tmp_path):
+    problem = DesignProblem.from_scenario(scenario(tmp_path, '10 * s', output_tolerance=0.03))
+    assert problem.output_tolerance == pytest.approx(0.3)
