@@ -187,6 +187,16 @@ def test_an_ideal_sensor_gives_the_bits_of_the_papers_estimate():
     assert np.array_equal(known.upper, BOUNDS.upper)
 
 
+def test_a_leak_lowers_the_lower_end_and_nothing_else():
+    known = intervals(SensorUncertainty(leak=2.0))
+    lower, upper = known.lower.copy(), known.upper.copy()
+
+    known.leak(0.5)
+
+    np.testing.assert_allclose(known.lower, lower * math.exp(-H), rtol=1e-12)
+    assert np.array_equal(known.upper, upper)
+
+
 def test_what_a_loss_has_added_goes_with_a_keyframe():
     known = intervals()
     known.apply(*events((0, 1), (1, -1)))

@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 from dvs_common.scenario.scenario import load_scenario
+from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.streams.image_source import LuminosityFrame
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_simulation.sampled.real_sensor import LossyRun, worst_error
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
@@ -54,3 +58,32 @@ def test_anchors_hold_a_real_sensor_for_an_hour(changes, settled_s):
 
 def test_counting_alone_leaves_the_tolerance():
     assert worst(40.0, leak_rate=0.5, **COUNTING) > SCENARIO.objective.tolerance
+
+
+def test_the_references_of_a_leaking_camera_lie_in_their_intervals_at_every_packet():
+    """Light that stands still, ON events of leakage alone, and a controller that only counts."""
+    leaking = SCENARIO.replace(
+        leak_rate=2.0,
+        leak_uncertainty=2.0,
+        threshold_mismatch=0.0,
+        threshold_uncertainty=(),
+        latency=0.0,
+        jitter=0.0,
+        frame_rate=0.0,
+    )
+    camera = EventCamera.of_scenario(leaking)
+    controller = event_controller(design_from_scenario(leaking), leaking)
+    y = leaking.scene.luminosity(leaking.model, leaking.initial_state)
+    events = 0
+    for k in range(400):
+        exposure = camera.take(
+            LuminosityFrame(stamp_ns=k * 10_000_000, pixels=y.reshape(3, 3), darkest=0.0)
+        )
+        if not k:
+            controller.take_keyframe(camera.keyframe())
+        for packet in exposure.packets:
+            controller.take(packet)
+            events += len(packet.events)
+            off = np.abs(controller.estimate - y) / y
+            assert np.all(off <= controller.references.intervals.error_bounds * (1 + 1e-9)), k
+    assert events > 50
