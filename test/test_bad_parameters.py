@@ -81,9 +81,15 @@ def test_a_node_explains_itself_and_starts_with_nothing_that_it_does_not_know(
         ('{', 'is not YAML'),
     ],
 )
-def test_closed_loop_refuses_a_bad_file(text, message, domain, tmp_path):
+def test_closed_loop_refuses_a_bad_file_and_leaves_earlier_results_alone(
+    text, message, domain, tmp_path
+):
     scenario = tmp_path / 'bad.yaml'
     scenario.write_text(text)
+    earlier = [tmp_path / 'out' / 'bad' / name for name in ('result.json', 'bag/bag.mcap')]
+    for file in earlier:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text('earlier')
 
     run = run_closed_loop(scenario, domain, tmp_path / 'out')
 
@@ -91,6 +97,7 @@ def test_closed_loop_refuses_a_bad_file(text, message, domain, tmp_path):
     assert message in run.stderr
     assert 'Traceback' not in run.stderr
     assert len(run.stderr.strip().splitlines()) == 1
+    assert [file.read_text() for file in earlier] == ['earlier'] * 2
 
 
 def test_closed_loop_refuses_a_missing_file(domain, tmp_path):

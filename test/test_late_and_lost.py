@@ -1,5 +1,6 @@
 """A controller that starts late, or loses events, becomes exact again by a keyframe."""
 
+import math
 import signal
 from dataclasses import replace
 
@@ -16,11 +17,20 @@ from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
 from dvs_common.wire.events import EventPacket, make_events, pack_events
 from dvs_common.wire.keyframe import Keyframe, pack_keyframe, parse_keyframe
+from dvs_common.wire.messages import pack_image
 from dvs_hinf_controller.analysis.sector import sector
 
 SCENARIO = load_scenario(CONFIG / 'mirror_r3.yaml')
 # Below h_certified, so that nothing else is to be warned of.
 H = 0.1
+# Nanoseconds from the present sample, and what is seen then.
+OUT_OF_TIME = (
+    (-50_000_000, 0.5),
+    (-1_000_000_000, 0.5),
+    (10_000_000_000, 0.5),
+    (-1_000_000_000, 0.0),
+    (-1_000_000_000, math.nan),
+)
 
 
 def packet(stamp_ns, pixels, polarities, first_index):
@@ -125,6 +135,42 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
     assert 'resynchronised by a keyframe: 1 pixels put right' in output
 
 
+def test_unknown_references_end_a_controller_that_is_to_stop_then(domain, processes):
+    stopping = {'event_threshold': H, 'unknown_references': 'stop'}
+    controller = start('hinf_controller', domain, ros_arguments(stopping))
+    processes.append(controller)
+    unknown = Keyframe(
+        stamp_ns=0,
+        epoch=7,
+        age_s=0.0,
+        events=0,
+        next_index=0,
+        event_threshold=H,
+        counts=np.zeros(3, np.int64),
+        signs=np.ones(3, np.int8),
+        lower=np.zeros(3),
+        upper=np.full(3, np.inf),
+    )
+    with operating(domain) as operator:
+        commands = operator.hear(JointState, 'command', topics.handshake_qos('lockstep'))
+        keyframes = operator.node.create_publisher(
+            PointCloud2, 'keyframe', topics.latched_qos(depth=1)
+        )
+        events = operator.node.create_publisher(
+            PointCloud2, 'events', topics.handshake_qos('lockstep')
+        )
+        assert operator.spin_until(lambda: keyframes.get_subscription_count() == 1)
+        keyframes.publish(pack_keyframe(unknown, height=1, width=3))
+        operator.spin_until(lambda: False, timeout_s=0.3)
+        events.publish(packet(0, [], [], 0))
+        assert operator.spin_until(lambda: controller.poll() is not None)
+    output, _ = controller.communicate()
+    assert controller.returncode == 4, output
+    assert 'references unknown (unknown_references: stop)' in output
+    # Until then the input that holds the equilibrium.
+    assert np.allclose(commands[0].position, SCENARIO.equilibrium.feedforward)
+
+
 def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
     arguments = ros_arguments(
         {
@@ -206,7 +252,7 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
     stop_all(list(started.values()))
 
 
-def test_a_controller_with_a_wrong_initial_state_takes_the_references_of_the_sensor(
+def test_a_wrong_initial_state_and_messages_out_of_time_leave_the_estimate_in_its_sector(
     domain, processes
 ):
     loop = ros_arguments(UNHURRIED)
@@ -220,6 +266,34 @@ def test_a_controller_with_a_wrong_initial_state_takes_the_references_of_the_sen
         estimates = operator.hear(JointState, 'estimate', 1000)
         assert operator.spin_until(lambda: is_exact(messages))
         assert sector_ratio(operator, luminosities, estimates) <= 1 + 1e-9
+
+        packets = operator.hear(PointCloud2, 'events', topics.handshake_qos('lockstep', 100))
+        light = operator.node.create_publisher(Image, 'luminosity', topics.stream_qos())
+        events = operator.node.create_publisher(
+            PointCloud2, 'events', topics.handshake_qos('lockstep', 100)
+        )
+        assert operator.spin_until(lambda: any(p.width for p in packets))
+        for offset_ns, y in OUT_OF_TIME:
+            stamp_ns = stamp_of(luminosities[-1]) + offset_ns
+            light.publish(pack_image(stamp_ns, np.full((1, 3), y), '64FC1'))
+        events.publish(next(p for p in reversed(packets) if p.width))
+
+        def are_counted():
+            camera, controller = (
+                {v.key: v.value for v in status.values}
+                for status in (
+                    latest(messages, name) for name in ('event_camera', 'hinf_controller')
+                )
+            )
+            again = ('packets received twice', 'packets out of time', 'messages refused')
+            return int(camera['frames out of time']) == len(OUT_OF_TIME) and any(
+                int(controller[key]) for key in again
+            )
+
+        assert operator.spin_until(are_counted)
+        assert is_exact(messages)
+        assert sector_ratio(operator, luminosities, estimates) <= 1 + 1e-9
+    stop_all(processes)
 
 
 def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, processes):

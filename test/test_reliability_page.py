@@ -8,7 +8,11 @@ from loop_support import ROOT
 
 @pytest.mark.parametrize(
     ('page', 'head', 'column'),
-    [('reliability', '| fault |', 5), ('hardware', '| page | it says |', 3)],
+    [
+        ('reliability', '| fault |', 5),
+        ('reliability', '| promise |', 2),
+        ('hardware', '| page | it says |', 3),
+    ],
 )
 def test_every_test_that_a_page_names_exists(page, head, column):
     text = (ROOT / 'docs' / f'{page}.md').read_text()

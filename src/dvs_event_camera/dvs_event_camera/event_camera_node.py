@@ -181,6 +181,8 @@ class EventCameraNode(ManagedNode):
         except ParameterError as error:
             if self._camera.pixels is not None:
                 raise MessageError(f'sensor cannot start again: {error}') from None
+            if self._lacks_light(frame):
+                raise MessageError(f'sensor waits for light to start: {error}') from None
             self.finish(_START_FAILED, str(error))
             return
         if exposure is None:
@@ -208,6 +210,9 @@ class EventCameraNode(ManagedNode):
         else:
             self._renderer = None
         self._show_points(exposure, frame.stamp_ns)
+
+    def _lacks_light(self, frame: LuminosityFrame) -> bool:
+        return self._scenario.sensor.photoreceptor == 'log' and not np.all(frame.pixels > 0)
 
     def _answer_again(self) -> None:
         """Answer a frame sent again with the same bytes: the first answer may have been lost."""

@@ -18,6 +18,7 @@ from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
 from dvs_common.wire import topics
+from dvs_common.wire.anchor import parse_anchor
 from dvs_common.wire.events import parse_events
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import pack_image, parse_image
@@ -52,10 +53,11 @@ def luminosities():
 def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
     heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     keyframes = graph.hear(PointCloud2, 'keyframe', topics.latched_qos(1))
+    anchors = graph.hear(Image, 'anchor', topics.stream_qos())
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     runs = []
     for _ in range(2):
-        camera = graph.start(CAMERA, event_threshold=0.1, keyframe_period=0.005)
+        camera = graph.start(CAMERA, event_threshold=0.1, keyframe_period=0.005, frame_rate=200.0)
         heard.clear()
         messages = list(luminosities())
         feed(graph, heard, publisher, messages)
@@ -77,6 +79,11 @@ def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
     last = parse_image(bytes(messages[-1]))
     change = np.log(np.frombuffer(last.data, '<f8').reshape(2, 3))
     assert np.all(np.abs(change - net * 0.1) < 0.1 + 1e-9)
+    measured = [parse_anchor(bytes(message)) for message in anchors]
+    assert [anchor.stamp_ns for anchor in measured[:3]] == [0, 5 * MS, 10 * MS]
+    for anchor, number in zip(measured[:3], (0, 5, 10), strict=True):
+        seen = np.frombuffer(parse_image(bytes(messages[number])).data, '<f8')
+        np.testing.assert_allclose(anchor.luminosity, seen, rtol=1e-6)
     frames = [parse_keyframe(bytes(message)) for message in keyframes]
     assert [frame.stamp_ns for frame in frames[:3]] == [0, 5 * MS, 10 * MS]
     assert frames[0].epoch == frames[2].epoch != frames[-1].epoch
@@ -264,6 +271,19 @@ def test_black_pixels_of_a_float_image_hold_and_are_said_once(graph):
     code, _, err = camera.stop()
     assert code == 0, err
     assert err.count('without a logarithm') == 1
+
+
+def test_a_camera_waits_for_light_where_its_references_are_stated(graph):
+    camera = graph.start(CAMERA, reference_lower='[0.9]', reference_upper='[1.1]')
+    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
+    graph.turn_until(lambda: publisher.get_subscription_count() == 1)
+    for k, y in enumerate((0.0, math.nan)):
+        publisher.publish(pack_image(k * MS, np.full((1, 2), y), '64FC1'))
+    feed(graph, heard, publisher, [pack_image(2 * MS, np.ones((1, 2)), '64FC1')])
+    code, _, err = camera.stop()
+    assert code == 0, err
+    assert 'sensor waits for light to start: reference_' in err
 
 
 def test_compressed_images_are_taken(graph):

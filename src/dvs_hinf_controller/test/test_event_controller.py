@@ -683,6 +683,29 @@ def test_an_anchor_of_forgotten_times_changes_nothing(stamp_ns):
     np.testing.assert_array_equal(found.estimate, before)
 
 
+def test_what_waits_for_its_packet_is_bounded_and_none_of_the_far_future_blocks_it():
+    found = with_anchors(anchor=0.01)
+    found.take_keyframe(keyframe(0, [0] * PIXELS))
+    found.take(packet(0))
+    for far in (2_000 * MS, 10**15):
+        with pytest.raises(MessageError, match='from the last events'):
+            found.take_anchor(Anchor(stamp_ns=far, luminosity=np.ones(PIXELS)))
+        with pytest.raises(MessageError, match='from the last events'):
+            found.take_keyframe(keyframe(far, [9] * PIXELS, event_threshold=0.2))
+    for k in range(1000):
+        found.take_anchor(
+            Anchor(stamp_ns=(k + 1) * MS // 2, luminosity=PROBLEM.set_point_luminosity)
+        )
+        found.take_keyframe(keyframe((k + 1) * MS // 2, [0] * PIXELS))
+
+    found.take(packet(501 * MS))
+
+    anchors = found.references.anchors
+    assert 0 < anchors.used + anchors.unused <= 16
+    assert found.event_threshold == H
+    assert found.synchrony is Synchrony.EXACT
+
+
 def test_an_anchor_of_another_array_is_refused():
     with pytest.raises(MessageError, match='anchor of 2 pixels, the array has 6'):
         running().take_anchor(Anchor(stamp_ns=0, luminosity=np.ones(2)))
