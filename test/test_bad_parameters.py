@@ -29,6 +29,8 @@ CASES = [
     (LOOP, {'input_matrix': '[1.0, 0.0]'}, 'not stabilizable'),
     (LOOP, {'output_vector': '[1.0, 0.0]', 'state_matrix': '[2.0, 0.0, 0.0, 5.0]'}, 'detectable'),
     (ALL, {'event_treshold': '0.1'}, 'did you mean event_threshold?'),
+    (LOOP, {'brightness_profile': 'none.csv'}, 'brightness_profile = none.csv: cannot be read'),
+    (LOOP, {'profile_reach': '0.1'}, 'profile_reach = 0.1: needs brightness_profile'),
     (('hinf_controller',), {'method': 'magic'}, 'method = magic: must be one of'),
     (('hinf_controller',), {'command_limit': '[1.0, 2.0]'}, 'command_limit'),
     (('plant_sim',), {'state_matrix': '[1, 0.5]'}, 'wants all numbers of a list alike'),

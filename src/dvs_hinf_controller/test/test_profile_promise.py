@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dvs_common.scenario.brightness_profile import Linearisation
 from dvs_common.scenario.scenario import Scenario
-from dvs_hinf_controller.analysis.promise import Promise
+from dvs_hinf_controller.analysis.promise import Held, Promise
 from dvs_hinf_controller.design import Design, design_from_scenario
+from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
 BASE = {
@@ -78,3 +80,40 @@ def test_no_promise_reaches_beyond_the_stated_range(tmp_path):
 def test_the_output_tolerance_keeps_its_unit(tmp_path):
     problem = DesignProblem.from_scenario(scenario(tmp_path, '10 * s', output_tolerance=0.03))
     assert problem.output_tolerance == pytest.approx(0.3)
+
+
+def held(design: Design, sector: float, *, period: float = 1e-3, **line: float) -> Held:
+    operation = Operation(
+        sampling_period=period,
+        linearisation=Linearisation(**{'reach': np.inf, **line}),
+        interpolates=period > 1e-3,
+    )
+    promise = Promise(design.problem, design.controller, operation)
+    return promise.held(np.full(3, sector))
+
+
+def test_the_slope_error_enters_as_the_sector_of_the_deviation_alone(straight):
+    """``v = N (delta D + share v)``: N from a straight profile, the share from a curved one."""
+    luminosity, sector, error = straight.problem.mean_luminosity, 0.03, 0.1
+    plain, curved = (held(straight, sector, slope_error=e).output for e in (0.0, error))
+    gain = plain / (sector * (luminosity + plain))
+    share = (1 - gain * sector * luminosity / curved) / gain
+    assert share == pytest.approx(sector * (1 + error) + error, rel=1e-6)
+
+
+def test_a_steep_place_in_the_reach_costs_at_long_periods(straight):
+    flat, steep = (held(straight, 0.03, period=5e-3, steepness=s).error for s in (1.0, 3.0))
+    assert steep > flat * (1 + 1e-4)
+    assert held(straight, 0.03, reach=1e-3).error == np.inf
+
+
+def test_light_is_promised_up_to_where_the_steepest_secant_reaches_darkness(straight):
+    least, error = straight.problem.set_point_luminosity.min(), 0.1
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        lit = np.isfinite(held(straight, middle, slope_error=error).error)
+        low, high = (middle, high) if lit else (low, middle)
+    assert (1 + error) * held(straight, low, slope_error=error).output == pytest.approx(
+        least, rel=1e-6
+    )
