@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from documentation import blocks_of
 from loop_support import ROOT, environment
+from scenario_checks import check_scenario
 
 PAGES = [
     page
@@ -115,11 +116,16 @@ def check_cart_pole(folder, output):
     assert (folder / 'out/cart_pole/bag').is_dir()
 
 
+def check_mirror_r3(folder, output):
+    check_scenario(folder / 'out', 'mirror_r3')
+
+
 def check_hot_reactor(folder, output):
     result_of(folder, 'hot_reactor')
 
 
 CHECKS = {
+    'README.md: What runs': check_mirror_r3,
     'docs/bring_your_own_simulator.md: 5. Run it': check_cart_pole,
     'docs/hardware.md: Replace the plant': check_motor,
     'docs/tutorial.md: 3. Ask the question (5 minutes)': check_certified,

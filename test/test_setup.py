@@ -114,6 +114,11 @@ def test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut(tmp_path, d
         if (ROOT / name).is_file():
             (tmp_path / 'my wörk' / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tmp_path / 'my wörk' / name)
+    # What is compiled already, as in a checkout that was moved.
+    for kernels in (ROOT / 'src').glob('**/__pycache__/*.nb[ci]'):
+        copy = tmp_path / 'my wörk' / kernels.relative_to(ROOT)
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copy(kernels, copy)
     prefix = tmp_path / 'opt' / 'ros' / 'jazzy'
     prefix.mkdir(parents=True)
     wheels = Path(sys.prefix)

@@ -61,6 +61,7 @@ def test_a_signal_during_the_imports_ends_a_program_in_order(
     # The last that is installed; Python itself handles SIGINT before.
     while not handles(process.pid, signal.SIGHUP):
         assert process.poll() is None
+        time.sleep(0.002)
 
     code, output = stop(process, number)
 

@@ -314,12 +314,12 @@ def groups_of(page: Path) -> list[list[str]]:
 
 
 def trials() -> list:
-    """Pages with what no page before them has."""
-    seen: set[tuple[str, ...]] = set()
+    """Pages with the groups in which some command is not of a page before them."""
+    seen: set[str] = set()
     found = []
     for page in PAGES:
-        groups = [group for group in groups_of(page) if tuple(group) not in seen]
-        seen |= {tuple(group) for group in groups}
+        groups = [group for group in groups_of(page) if not seen.issuperset(group)]
+        seen.update(*groups)
         if groups:
             found.append(pytest.param(groups, id=name_of(page)))
     return found

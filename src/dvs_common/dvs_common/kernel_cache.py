@@ -3,7 +3,8 @@
 A compiled function holds the code of the functions that it calls and the constants that it reads.
 numba compiles it again where its own file has changed, but not where theirs have. Kernels stand in
 one folder with the functions and constants that they use, or name kernels of another folder, and
-here a change of any file of these folders makes all their kernels compile again.
+here a change of any file of these folders makes all their kernels compile again. What is in the
+files counts, not when they were written: a copy of a folder needs no compilation.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class _FolderCache(_FunctionCache):
         self._cache_file = _IndexFile(
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
-            source_stamp=(self._impl.locator.get_source_stamp(), _digest(_folders(function))),
+            source_stamp=_digest(_folders(function)),
         )
 
     def load_overload(self, *arguments: Any) -> Any:

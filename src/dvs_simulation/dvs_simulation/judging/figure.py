@@ -41,7 +41,11 @@ def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) 
 
 
 def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
-    figure = Figure(figsize=(12, 12), layout='constrained')
+    # A layout of our own: to work one out takes as long as to draw the figure.
+    figure = Figure(figsize=(12, 12))
+    figure.subplots_adjust(
+        left=0.075, right=0.985, bottom=0.045, top=0.93, wspace=0.18, hspace=0.26
+    )
     axes = figure.subplots(3, 2)
     for panel, draw in zip(axes.flat, PANELS.values(), strict=True):
         draw(panel, trace, scenario, verdict)
