@@ -110,7 +110,7 @@ def versus_dkpy(repeats: int) -> dict[str, float]:
     generalized = control.ss(
         p.a,
         np.hstack([np.zeros((n, 1)), p.b1, p.b2]),
-        np.vstack([model.output_vector[None, :], p.c1, p.c2]),
+        np.vstack([model.gradient[None, :], p.c1, p.c2]),
         np.block(
             [
                 [np.zeros((1, 1 + n + 1)), np.zeros((1, 1))],
@@ -134,7 +134,7 @@ def versus_dkpy(repeats: int) -> dict[str, float]:
     )
     theirs = outcome[0]
     b2 = model.input_matrix
-    bk, c = np.asarray(theirs.B), model.output_vector[None, :]
+    bk, c = np.asarray(theirs.B), model.gradient[None, :]
     dk = np.asarray(theirs.D)
     loop = StateSpace(
         a=np.block(
@@ -149,8 +149,8 @@ def versus_dkpy(repeats: int) -> dict[str, float]:
     )
     return {
         'design_vs_dkpy': theirs_seconds / seconds,
-        'design_mu': mu_bounds(state_response(model, ours), model.output_vector, rtol=1e-4).upper,
-        'dkpy_mu': mu_bounds(loop, model.output_vector, rtol=1e-4).upper,
+        'design_mu': mu_bounds(state_response(model, ours), model.gradient, rtol=1e-4).upper,
+        'dkpy_mu': mu_bounds(loop, model.gradient, rtol=1e-4).upper,
         'dkpy_seconds': theirs_seconds,
     }
 

@@ -57,7 +57,7 @@ def by_solve_ivp(loop: ClosedLoop, duration: float, method: str) -> list[tuple[f
     A strong rival: two event functions for the nearest thresholds, however many pixels there are.
     """
     n, k = loop.model.state_count, loop.controller.order
-    a, b, c = loop.model.state_matrix, loop.model.input_matrix, loop.model.output_vector
+    a, b, c = loop.model.state_matrix, loop.model.input_matrix, loop.model.gradient
     controller = loop.controller
     system = np.block(
         [[a, b @ controller.output_matrix], [np.zeros((k, n)), controller.state_matrix]]

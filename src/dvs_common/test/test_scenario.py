@@ -299,3 +299,63 @@ def test_times_are_counted_in_nanoseconds_and_samples(period, duration, period_n
 
     assert timed.sampling_period_ns == period_ns
     assert timed.sample_count == samples
+
+
+# -- several pixel groups ------------------------------------------------------------------
+
+STRIPES = {
+    'state_matrix': [0.0, 1.0, 0.0, 0.0],
+    'input_matrix': [0.0, 1.0],
+    'output_vector': [1.0, 0.0, 0.5, 2.0],
+    'initial_state': [0.1, 0.2],
+    'pixel_grid': [2, 2],
+    'pixel_groups': [0, 1],
+    'pixel_offsets': [1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 2.0, 0.0],
+}
+
+
+def test_every_row_of_the_array_sees_its_own_group():
+    striped = scenario(**STRIPES)
+    y = striped.scene.luminosity(striped.model, striped.initial_state)
+    c = np.array(STRIPES['output_vector']).reshape(2, 2)
+    seen = np.array(STRIPES['pixel_offsets']).reshape(4, 2) + striped.initial_state
+    assert y == pytest.approx([c[0] @ seen[0], c[0] @ seen[1], c[1] @ seen[2], c[1] @ seen[3]])
+    assert np.array_equal(striped.scene.groups, [0, 0, 1, 1])
+    each = scenario(**{**STRIPES, 'pixel_groups': [0, 0, 1, 1]})
+    assert np.array_equal(each.scene.brightness_offsets, striped.scene.brightness_offsets)
+
+
+def test_a_regular_grid_of_two_groups_is_the_same_as_its_offsets():
+    pitch = np.array([[0.1, 0.2], [0.3, 0.4]])
+    grid = scenario(**{**STRIPES, 'pixel_offsets': [], 'pixel_pitch': pitch.ravel().tolist()})
+    offsets = [row * pitch[1] + column * pitch[0] for row in (-0.5, 0.5) for column in (-0.5, 0.5)]
+    same = scenario(**{**STRIPES, 'pixel_offsets': np.ravel(offsets).tolist()})
+    assert grid.scene.brightness_offsets == pytest.approx(same.scene.brightness_offsets)
+    assert np.array_equal(grid.scene.groups, same.scene.groups)
+
+
+def test_groups_that_are_all_the_first_are_one_group():
+    plain, named = scenario(), scenario(pixel_groups=[0])
+    assert named.scene.groups is None
+    assert np.array_equal(named.model.output_vector, plain.model.output_vector)
+    assert np.array_equal(named.scene.brightness_offsets, plain.scene.brightness_offsets)
+
+
+@pytest.mark.parametrize(
+    ('values', 'part', 'reason'),
+    [
+        ({'pixel_groups': [0, 2]}, 'model', r'^pixel_groups = .* every group from 0 to 2'),
+        ({'brightness_profile': 'a.csv'}, 'scene', r'^brightness_profile = a.csv: .* empty'),
+        ({'pixel_groups': [0, 1, 0]}, 'scene', r'^pixel_groups = .* must have 2 entries'),
+        ({'output_vector': [1.0, 0.0, 0.5]}, 'model', r'^output_vector = .* must have 2 rows'),
+        ({'output_vector': [1.0, 0.0, 0.0, 0.0]}, 'model', '^output_vector = .* not be zero'),
+    ],
+)
+def test_groups_that_do_not_fit_are_refused_by_name(values, part, reason):
+    with pytest.raises(ParameterError, match=reason):
+        getattr(scenario(**{**STRIPES, **values}), part)
+
+
+def test_what_takes_one_group_names_the_parameter_and_the_number():
+    with pytest.raises(ParameterError, match=r'^output_vector = .* has 2 pixel groups'):
+        _ = scenario(**STRIPES).model.gradient

@@ -1,4 +1,4 @@
-"""The controller K as matrices: from the mean of the deviations zbar_i to the inputs u."""
+"""The controller K as matrices: from the means of the deviations zbar_i to the inputs u."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ class LinearController:
     """``xc' = Ac xc + Bc e``, ``u = Cc xc + Dc e`` with ``e = mean(zbar_i)`` (paper, eq. 24).
 
     An optimal controller acts on the mean alone, whatever the number of pixels: all pixels see the
-    same ``c'x`` (docs/theory.md, "Reduction").
+    same ``c'x`` (docs/theory.md, "Reduction"). Of several pixel groups it takes a mean each
+    (docs/pixel_groups.md); Bc and Dc have a column a group then.
 
     Parameters
     ----------
     state_matrix
         Ac, shape (k, k), 1/s; k = 0 is a static gain.
     input_vector
-        Bc, shape (k,).
+        Bc, shape (k,); (k, groups) where there are several pixel groups.
     output_matrix
         Cc, shape (m, k).
     feedthrough
-        Dc, shape (m,).
+        Dc, shape (m,); (m, groups) likewise.
 
     Raises
     ------
@@ -45,36 +46,62 @@ class LinearController:
 
     def __post_init__(self) -> None:
         """Check the shapes and freeze the arrays."""
-        dims = {'state_matrix': 2, 'input_vector': 1, 'output_matrix': 2, 'feedthrough': 1}
+        channel = 2 if np.ndim(self.feedthrough) == 2 else 1
+        dims = {
+            'state_matrix': 2,
+            'input_vector': channel,
+            'output_matrix': 2,
+            'feedthrough': channel,
+        }
         for name, ndim in dims.items():
             object.__setattr__(self, name, finite_array(name, getattr(self, name), ndim=ndim))
-        k, m = self.input_vector.size, self.feedthrough.size
-        if self.state_matrix.shape != (k, k) or self.output_matrix.shape != (m, k):
+        k, m = len(self.input_vector), len(self.feedthrough)
+        if (
+            self.state_matrix.shape != (k, k)
+            or self.output_matrix.shape != (m, k)
+            or self.input_vector.shape[1:] != self.feedthrough.shape[1:]
+        ):
             raise ParameterError(
                 'controller',
                 {name: getattr(self, name).shape for name in dims},
-                'must have shapes (k, k), (k,), (m, k) and (m,)',
+                'must have shapes (k, k), (k,), (m, k) and (m,), or with a column a group '
+                '(k, k), (k, p), (m, k) and (m, p)',
             )
+
+    @property
+    def input_matrix(self) -> FloatArray:
+        """Bc with a column a pixel group, shape (k, groups)."""
+        return self.input_vector if self.input_vector.ndim == 2 else self.input_vector[:, None]
+
+    @property
+    def feedthrough_matrix(self) -> FloatArray:
+        """Dc with a column a pixel group, shape (m, groups)."""
+        return self.feedthrough if self.feedthrough.ndim == 2 else self.feedthrough[:, None]
+
+    @property
+    def group_count(self) -> int:
+        """Number of pixel groups whose means it takes."""
+        return int(self.feedthrough_matrix.shape[1])
 
     @property
     def order(self) -> int:
         """Number of states k."""
-        return int(self.input_vector.size)
+        return len(self.input_vector)
 
     @property
     def input_count(self) -> int:
         """Number of plant inputs m that it drives."""
-        return int(self.feedthrough.size)
+        return len(self.feedthrough)
 
     def state_space(self) -> control.StateSpace:
-        """K as a system of python-control, with the one input e and the m inputs u as outputs."""
+        """K as a system of python-control, from e to the m inputs u."""
         import control
 
         return control.ss(
             self.state_matrix,
-            self.input_vector[:, None],
+            self.input_matrix,
             self.output_matrix,
-            self.feedthrough[:, None],
+            self.feedthrough_matrix,
         )
 
     def response(self, frequencies: FloatArray) -> np.ndarray:

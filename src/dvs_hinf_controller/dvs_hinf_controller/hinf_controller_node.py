@@ -229,7 +229,7 @@ class HinfControllerNode(ManagedNode):
 
     def _keep_asking(self) -> None:
         self._ask_for_keyframe()
-        is_blind = self._packets and not self._controller.references.intervals.active_count
+        is_blind = self._packets and self._controller.is_blind
         self._blind_s = self._blind_s + _ASK_AGAIN_S if is_blind else 0.0
         if self._scenario.uncertainty.unknown_references == 'stop' and self._blind_s > _BLIND_S:
             self.finish(_UNKNOWN_REFERENCES, 'references unknown (unknown_references: stop)')

@@ -79,6 +79,14 @@ class DesignProblem:
                 self.bounds.lower.shape,
                 f'must have one entry for each of the {self.scene.pixel_count} pixels',
             )
+        groups = np.unique(self.scene.groups) if self.scene.groups is not None else [0]
+        if not np.array_equal(groups, np.arange(self.model.group_count)):
+            raise ParameterError(
+                'pixel_groups',
+                [int(group) for group in groups],
+                f'must be the {self.model.group_count} rows of output_vector, each seen by a '
+                'pixel',
+            )
         if not 0 < self.tolerance < math.inf:
             raise ParameterError('tolerance', self.tolerance, 'must be > 0 and finite')
         if not 1 < self.log_base < math.inf:
@@ -140,13 +148,24 @@ class DesignProblem:
         ----------
         chosen
             Pixels that stay, shape (r,); at least one.
+
+        Raises
+        ------
+        ParameterError
+            If a pixel group has none left.
         """
         if chosen.all():
             return self
+        groups = self.scene.groups
+        for group in range(self.model.group_count):
+            if not chosen[self.scene.pixels_of(group)].any():
+                rule = f'must leave a pixel of pixel group {group}'
+                raise ParameterError('pixel_mask', np.flatnonzero(~chosen).tolist(), rule)
         scene = PixelScene(
             brightness_offsets=self.scene.brightness_offsets[chosen],
             height=1,
             width=int(np.count_nonzero(chosen)),
+            groups=None if groups is None else groups[chosen],
         )
         bounds = ReferenceBounds(lower=self.bounds.lower[chosen], upper=self.bounds.upper[chosen])
         return replace(self, scene=scene, bounds=bounds)
@@ -177,6 +196,35 @@ class DesignProblem:
     def set_point_luminosity(self) -> FloatArray:
         """``D_i = c'(x_d + dx_i)``, shape (r,): luminosity at the set-point (paper, eq. 22)."""
         return self.scene.luminosity(self.model, self.equilibrium.state)
+
+    def group_means(self, values: FloatArray) -> FloatArray:
+        """Mean over the pixels of every pixel group, shape (k,).
+
+        Parameters
+        ----------
+        values
+            One a pixel, shape (r,).
+        """
+        if self.scene.groups is None:
+            return np.array([values.mean()])
+        groups = range(self.model.group_count)
+        return np.array([values[self.scene.groups == one].mean() for one in groups])
+
+    @property
+    def group_scales(self) -> FloatArray:
+        """``sqrt(r / r_j)`` of every pixel group with r_j of the r pixels, shape (k,)."""
+        r, groups = self.scene.pixel_count, range(self.model.group_count)
+        return np.sqrt([r / self.scene.pixels_of(one).size for one in groups])
+
+    def by_pixel(self, values: FloatArray) -> FloatArray:
+        """Value of its pixel group for every pixel; ``values[0]`` where there is one.
+
+        Parameters
+        ----------
+        values
+            One a group, shape (k,).
+        """
+        return values[0] if self.scene.groups is None else values[self.scene.groups]
 
     @property
     def rms_luminosity(self) -> float:

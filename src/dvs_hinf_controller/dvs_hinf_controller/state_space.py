@@ -143,7 +143,8 @@ def balanced(system: StateSpace) -> StateSpace:
 def state_response(model: PlantModel, controller: LinearController) -> StateSpace:
     """``G``: from the mean disturbance w to the deviation x, with ``u = K (c'x + w)``.
 
-    ``T = c'G`` is the scalar channel that the sector closes (docs/theory.md, "Reduction").
+    ``T = c'G`` is the scalar channel that the sector closes (docs/theory.md, "Reduction"); with
+    several pixel groups, a column and a row each.
 
     Parameters
     ----------
@@ -153,8 +154,8 @@ def state_response(model: PlantModel, controller: LinearController) -> StateSpac
         K on the mean of zbar.
     """
     n = model.state_count
-    b, c = model.input_matrix, model.output_vector[None, :]
-    d, bc = controller.feedthrough[:, None], controller.input_vector[:, None]
+    b, c = model.input_matrix, model.gradients
+    d, bc = controller.feedthrough_matrix, controller.input_matrix
     return StateSpace(
         a=np.block(
             [
@@ -164,7 +165,7 @@ def state_response(model: PlantModel, controller: LinearController) -> StateSpac
         ),
         b=np.vstack([b @ d, bc]),
         c=np.hstack([np.eye(n), np.zeros((n, controller.order))]),
-        d=np.zeros((n, 1)),
+        d=np.zeros((n, controller.group_count)),
     )
 
 

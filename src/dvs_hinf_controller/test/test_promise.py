@@ -66,7 +66,7 @@ def test_thresholds_of_held_and_late_commands(designs, method, period, latency, 
     )
     gains = SampledGains(loop).of_measurement()
     delta = certified_uncertainty(
-        design.problem, state_peak_gain=gains.error, output_peak_gain=gains.output
+        design.problem, state_peak_gain=gains.error, output_peak_gain=float(gains.output[0])
     )
 
     assert event_threshold(design.problem, delta) == pytest.approx(threshold, abs=7e-4)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dvs_common.arrays import FloatArray, finite_array
 from dvs_common.errors import ParameterError
@@ -33,12 +33,13 @@ class PlantModel:
     input_matrix
         B, shape (n, m).
     output_vector
-        c, shape (n,): gradient of the brightness profile.
+        c, shape (n,): gradient of the pixel group; or a row a group, shape (k, n), where
+        pixels see different ones.
 
     Raises
     ------
     ParameterError
-        If a shape does not fit, an entry is not finite or c is zero.
+        If a shape does not fit, an entry is not finite or a group is zero.
     """
 
     state_matrix: FloatArray
@@ -47,10 +48,11 @@ class PlantModel:
 
     def __post_init__(self) -> None:
         """Check the shapes and freeze the arrays."""
-        for name, ndim in (('state_matrix', 2), ('input_matrix', 2), ('output_vector', 1)):
+        groups = 2 if np.ndim(self.output_vector) == 2 else 1
+        for name, ndim in (('state_matrix', 2), ('input_matrix', 2), ('output_vector', groups)):
             object.__setattr__(self, name, finite_array(name, getattr(self, name), ndim=ndim))
-        n = self.output_vector.size
-        if n == 0 or not np.any(self.output_vector):
+        n = self.output_vector.shape[-1]
+        if self.output_vector.size == 0 or not self.gradients.any(axis=1).all():
             raise ParameterError('output_vector', self.output_vector, 'must not be zero')
         if self.state_matrix.shape != (n, n):
             raise ParameterError(
@@ -75,6 +77,44 @@ class PlantModel:
         """Number of inputs m."""
         return int(self.input_matrix.shape[1])
 
+    @property
+    def gradients(self) -> FloatArray:
+        """A row a pixel group, shape (k, n)."""
+        return np.atleast_2d(self.output_vector)
+
+    @property
+    def gradient(self) -> FloatArray:
+        """c, shape (n,), of a plant with one pixel group.
+
+        Raises
+        ------
+        ParameterError
+            If there are more.
+        """
+        self.require_one_group('this')
+        row: FloatArray = self.gradients[0]
+        return row
+
+    @property
+    def group_count(self) -> int:
+        """Number of pixel groups k."""
+        return len(self.gradients)
+
+    def require_one_group(self, who: str) -> None:
+        """Raise `ParameterError` if there is more than one pixel group.
+
+        Parameters
+        ----------
+        who
+            What knows one group only.
+        """
+        if self.group_count > 1:
+            raise ParameterError(
+                'output_vector',
+                self.output_vector.tolist(),
+                f'has {self.group_count} pixel groups; {who} takes one (docs/pixel_groups.md)',
+            )
+
     def require_stabilizable(self) -> None:
         """Raise `ParameterError` if an unstable mode of (A, B) is not reachable."""
         mode = unreachable_unstable_mode(self.state_matrix, self.input_matrix)
@@ -88,7 +128,7 @@ class PlantModel:
 
     def require_detectable(self) -> None:
         """Raise `ParameterError` if an unstable mode of A is not seen by c."""
-        mode = unreachable_unstable_mode(self.state_matrix.T, self.output_vector[:, None])
+        mode = unreachable_unstable_mode(self.state_matrix.T, self.gradients.T)
         if mode is not None:
             raise ParameterError(
                 'output_vector',
@@ -171,7 +211,8 @@ class Equilibrium:
 class PixelScene:
     """Scene: pixel i sees ``y_i = c'(x + dx_i)`` (paper, eq. 1), or a profile over it.
 
-    All pixels move with the one scalar ``c'x``; pixel i adds the constant ``c'dx_i``.
+    All pixels of a pixel group move with the one scalar ``c'x``; pixel i adds the constant
+    ``c'dx_i``.
 
     Parameters
     ----------
@@ -183,17 +224,20 @@ class PixelScene:
         Columns of the pixel array; ``height * width = r``.
     profile
         Luminosity over ``c'(x + dx_i)``; None where it is that itself.
+    groups
+        Pixel group that every pixel sees, shape (r,), from 0; None where there is one.
 
     Raises
     ------
     ParameterError
-        If the number of offsets is not ``height * width``.
+        If the number of offsets or of groups is not ``height * width``.
     """
 
     brightness_offsets: FloatArray
     height: int
     width: int
     profile: BrightnessProfile | None = None
+    groups: NDArray[np.intp] | None = None
 
     def __post_init__(self) -> None:
         """Check the shape and freeze the array."""
@@ -205,10 +249,20 @@ class PixelScene:
                 [self.height, self.width],
                 f'must be positive and hold the {offsets.size} pixels of pixel_offsets',
             )
+        if self.groups is not None and self.groups.shape != offsets.shape:
+            raise ParameterError(
+                'pixel_groups', self.groups.tolist(), f'must have {offsets.size} entries'
+            )
 
     @classmethod
     def from_offsets(
-        cls, model: PlantModel, pixel_offsets: ArrayLike, *, height: int, width: int
+        cls,
+        model: PlantModel,
+        pixel_offsets: ArrayLike,
+        *,
+        height: int,
+        width: int,
+        groups: NDArray[np.intp] | None = None,
     ) -> PixelScene:
         """Scene of the plant `model` seen by pixels displaced by `pixel_offsets`.
 
@@ -222,6 +276,8 @@ class PixelScene:
             Rows of the pixel array.
         width
             Columns of the pixel array.
+        groups
+            Pixel group of every pixel, shape (r,); None where there is one.
 
         Raises
         ------
@@ -233,7 +289,26 @@ class PixelScene:
             raise ParameterError(
                 'pixel_offsets', offsets.shape, f'must have {model.state_count} columns'
             )
-        return cls(brightness_offsets=offsets @ model.output_vector, height=height, width=width)
+        if groups is None:
+            brightness = offsets @ model.gradient
+        elif groups.size != len(offsets):
+            rule = f'must have {len(offsets)} entries, one for each pixel'
+            raise ParameterError('pixel_groups', groups.tolist(), rule)
+        else:
+            brightness = np.sum(offsets * model.gradients[groups], axis=1)
+        return cls(brightness_offsets=brightness, height=height, width=width, groups=groups)
+
+    def pixels_of(self, group: int) -> NDArray[np.intp]:
+        """Row-major numbers of the pixels that see a pixel group.
+
+        Parameters
+        ----------
+        group
+            From 0.
+        """
+        if self.groups is None:
+            return np.arange(self.pixel_count)
+        return np.flatnonzero(self.groups == group)
 
     @property
     def pixel_count(self) -> int:
@@ -250,9 +325,11 @@ class PixelScene:
         state
             Plant state x in original coordinates, shape (n,).
         """
-        return float(model.output_vector @ np.asarray(state, dtype=np.float64)) + (
-            self.brightness_offsets
-        )
+        state = np.asarray(state, dtype=np.float64)
+        if self.groups is None:
+            return float(model.gradient @ state) + self.brightness_offsets
+        positions: FloatArray = (model.gradients @ state)[self.groups]
+        return positions + self.brightness_offsets
 
     def luminosity(self, model: PlantModel, state: ArrayLike) -> FloatArray:
         """Luminosity y_i of every pixel, shape (r,): `positions`, or the profile there.
@@ -279,7 +356,7 @@ class PixelScene:
         slope
             Slope of the line that takes the place of the profile.
         """
-        along = slope * float(model.output_vector @ np.asarray(state, dtype=np.float64))
+        along = slope * float(model.gradient @ np.asarray(state, dtype=np.float64))
         return PixelScene(
             brightness_offsets=self.luminosity(model, state) - along,
             height=self.height,

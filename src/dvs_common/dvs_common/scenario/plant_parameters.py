@@ -26,7 +26,8 @@ class PlantParameters(ParameterGroup):
     )
     output_vector: tuple[float, ...] = parameter(
         (0.894427190999916, 0.447213595499958),
-        'Output vector c, n entries: gradient of the brightness (paper, eq. 1)',
+        'Output vector c, n entries: gradient of the brightness (paper, eq. 1); k x n, row-major, '
+        'where pixel_groups names k groups',
         nodes=(PLANT, CONTROLLER),
     )
     initial_state: tuple[float, ...] = parameter(
@@ -69,6 +70,13 @@ class PixelParameters(ParameterGroup):
         nodes=(PLANT, CONTROLLER),
         unit='pixels',
         interval=Interval(low=1, high=65535),
+    )
+    pixel_groups: tuple[int, ...] = parameter(
+        (),
+        'Pixel group, a row of output_vector from 0, that each row of the array sees '
+        '(height entries) or each pixel (r entries); empty: all see the one group',
+        nodes=(PLANT, CONTROLLER),
+        interval=Interval(low=0, high=65535),
     )
 
 

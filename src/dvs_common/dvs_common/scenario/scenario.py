@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
@@ -36,14 +37,37 @@ class Scenario(Parameters):
         ParameterError
             If the lengths of the matrices do not fit together.
         """
-        n = len(self.plant.output_vector)
-        if n == 0:
-            raise ParameterError('output_vector', [], 'must not be empty')
+        n, groups = self._state_count, self._group_count
+        output = np.array(self.plant.output_vector)
         return PlantModel(
             state_matrix=self._matrix('state_matrix', rows=n, columns=n),
             input_matrix=self._matrix('input_matrix', rows=n, columns=None),
-            output_vector=np.array(self.plant.output_vector),
+            output_vector=output.reshape(groups, n) if groups > 1 else output,
         )
+
+    @property
+    def _group_count(self) -> int:
+        """Number of pixel groups that pixel_groups names, 1 where it is empty."""
+        named = self.pixels.pixel_groups
+        count = max(named, default=0) + 1
+        if named and len(set(named)) != count:
+            rule = f'must name every group from 0 to {count - 1}'
+            raise ParameterError('pixel_groups', list(named), rule)
+        return count
+
+    @property
+    def _state_count(self) -> int:
+        """Number of states n, the length of a row of output_vector."""
+        size, groups = len(self.plant.output_vector), self._group_count
+        if size == 0:
+            raise ParameterError('output_vector', [], 'must not be empty')
+        if size % groups:
+            raise ParameterError(
+                'output_vector',
+                list(self.plant.output_vector),
+                f'must have {groups} rows of n entries, since pixel_groups names {groups} groups',
+            )
+        return size // groups
 
     @property
     def scene(self) -> PixelScene:
@@ -60,6 +84,10 @@ class Scenario(Parameters):
                 if self[name]:
                     raise ParameterError(name, self[name], 'needs brightness_profile')
             return scene
+        if scene.groups is not None:
+            raise ParameterError(
+                'brightness_profile', given.brightness_profile, 'takes pixel_groups that are empty'
+            )
         profile = read_profile(given.brightness_profile, given.profile_range)
         return replace(scene, profile=profile)
 
@@ -90,7 +118,9 @@ class Scenario(Parameters):
         if self.pixels.pixel_origin:
             raise ParameterError('pixel_origin', self.pixels.pixel_origin, 'needs pixel_pitch')
         offsets = self._matrix('pixel_offsets', rows=None, columns=model.state_count)
-        return PixelScene.from_offsets(model, offsets, height=height, width=width)
+        return PixelScene.from_offsets(
+            model, offsets, height=height, width=width, groups=self._groups(height, width)
+        )
 
     @property
     def equilibrium(self) -> Equilibrium:
@@ -115,7 +145,7 @@ class Scenario(Parameters):
             If it has not n entries.
         """
         state = np.array(self.plant.initial_state)
-        n = len(self.plant.output_vector)
+        n = self._state_count
         if state.size != n:
             rule = f'must have as many entries as output_vector, {n}'
             raise ParameterError('initial_state', state.tolist(), rule)
@@ -292,7 +322,7 @@ class Scenario(Parameters):
                 name,
                 list(self[name]),
                 f'has {flat.size} entries, must have {shape} (row-major), since output_vector '
-                f'has {len(self.plant.output_vector)}',
+                f'has {self._state_count}',
             )
         return flat.reshape(rows or -1, columns or -1)
 
@@ -308,12 +338,34 @@ class Scenario(Parameters):
         origin = np.array(self.pixels.pixel_origin or (0.0,) * n)
         if origin.size != n:
             raise ParameterError('pixel_origin', list(origin), f'must have {n} entries')
-        c = model.output_vector
-        column_step, row_step = (pitch.reshape(2, n) @ c).tolist()
-        columns = (np.arange(width) - (width - 1) / 2) * column_step
-        rows = (np.arange(height) - (height - 1) / 2) * row_step
-        offsets = float(origin @ c) + (rows[:, None] + columns[None, :])
+        groups = self._groups(height, width)
+        column, row = np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2
+        if groups is not None:
+            steps = row[:, None, None] * pitch[n:] + column[None, :, None] * pitch[:n]
+            return PixelScene.from_offsets(
+                model,
+                (origin + steps).reshape(-1, n),
+                height=height,
+                width=width,
+                groups=groups,
+            )
+        column_step, row_step = (pitch.reshape(2, n) @ model.gradient).tolist()
+        offsets = float(origin @ model.gradient) + (row[:, None] * row_step + column * column_step)
         return PixelScene(brightness_offsets=offsets.ravel(), height=height, width=width)
+
+    def _groups(self, height: int, width: int) -> NDArray[np.intp] | None:
+        """Pixel group of every pixel, shape (r,); None where there is one."""
+        named = np.array(self.pixels.pixel_groups, np.intp)
+        if named.size not in (0, height, height * width):
+            raise ParameterError(
+                'pixel_groups',
+                named.tolist(),
+                f'must have {height} entries, one for each row of pixel_grid, or '
+                f'{height * width}, one for each pixel',
+            )
+        if not named.any():
+            return None
+        return named if named.size == height * width else np.repeat(named, width)
 
 
 def load_scenario(

@@ -270,7 +270,7 @@ class LiftedLoop:
         n, held = model.state_count, self._held
         flow = np.zeros((held + model.input_count,) * 2)
         flow[:n, :n], flow[:n, held:] = model.state_matrix, model.input_matrix
-        flow[n:held, :n] = np.outer(k.input_vector, model.output_vector)
+        flow[n:held, :n] = k.input_matrix @ model.gradients
         flow[n:held, n:held] = k.state_matrix
         return flow
 
@@ -283,7 +283,7 @@ class LiftedLoop:
             row[:, start : start + m] = np.eye(m)
         else:
             row[:, n : self._held] = self.controller.output_matrix
-            row[:, :n] = np.outer(self.controller.feedthrough, self.model.output_vector)
+            row[:, :n] = self.controller.feedthrough_matrix @ self.model.gradients
         return row
 
     def _walk(

@@ -51,7 +51,7 @@ def margins(model: PlantModel, controller: LinearController) -> Margins:
     plant = StateSpace(
         a=model.state_matrix,
         b=model.input_matrix,
-        c=model.output_vector[None, :],
+        c=model.gradient[None, :],
         d=np.zeros((1, model.input_count)),
     )
     poles = np.concatenate([plant.poles(), np.linalg.eigvals(controller.state_matrix)])

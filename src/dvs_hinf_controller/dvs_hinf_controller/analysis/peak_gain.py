@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,6 +84,107 @@ def peak_gains(
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelGains:
+    """Peak gains of every pixel group (docs/pixel_groups.md); never too small.
+
+    Parameters
+    ----------
+    state
+        N_G from the mean disturbance of every group to ``W x``, shape (k,).
+    output
+        N_T from the mean disturbance of group j to ``c_i'x``, shape (k, k).
+    """
+
+    state: FloatArray
+    output: FloatArray
+
+    @classmethod
+    def of_one(cls, gains: PeakGains) -> ChannelGains:
+        """Gains of the only group.
+
+        Parameters
+        ----------
+        gains
+            N_G and N_T.
+        """
+        return cls(state=np.array([gains.state]), output=np.array([[gains.output]]))
+
+    def amplified(self, constant: FloatArray, share: FloatArray) -> FloatArray | None:
+        """Bounds of disturbances ``|w_i| <= constant_i + share_i |c_i'x|``; None if none hold.
+
+        The least solution of ``w = constant + share N_T w``, which there is where the spectral
+        radius of the nonnegative matrix ``share N_T`` is below one.
+
+        Parameters
+        ----------
+        constant
+            Shape (k,).
+        share
+            Shape (k,).
+        """
+        if not (np.isfinite(self.output).all() and np.isfinite(self.state).all()):
+            return None
+        loop = share[:, None] * self.output
+        if loop.size == 1:
+            left = 1 - loop[0, 0]
+            return constant / left if left > 0 else None
+        if np.max(np.abs(np.linalg.eigvals(loop))) >= 1:
+            return None
+        return np.asarray(np.linalg.solve(np.eye(share.size) - loop, constant))
+
+    @property
+    def together(self) -> PeakGains:
+        """Gains of all disturbances together, each with ``|w_j| <= 1``."""
+        return PeakGains(
+            state=float(self.state.sum()),
+            state_lower=0.0,
+            output=float(self.output.sum(axis=1).max()),
+            output_lower=0.0,
+        )
+
+
+def channel_gains(
+    g: StateSpace,
+    gradients: FloatArray,
+    *,
+    weights: FloatArray | None = None,
+    rtol: float = 2e-4,
+) -> ChannelGains:
+    """Peak gains from the mean disturbance of every group to x and to the luminosities.
+
+    Parameters
+    ----------
+    g
+        G, without feedthrough, a column a group.
+    gradients
+        A row a group, shape (k, n).
+    weights
+        W of the error ``||W x||``, shape (n,); None for all 1.
+    rtol
+        Relative width that is aimed at, one-sided.
+    """
+    if len(gradients) == 1:
+        return ChannelGains.of_one(peak_gains(g, gradients[0], weights=weights, rtol=rtol))
+    k, n = len(gradients), len(g.c)
+    state, output = np.full(k, math.inf), np.full((k, k), math.inf)
+    if g.order and float(np.max(g.poles().real)) >= 0:
+        return ChannelGains(state=state, output=output)
+    for j in range(k):
+        column = replace(g, b=g.b[:, [j]], d=g.d[:, [j]])
+        if not np.any(column.b):
+            state[j], output[:, j] = 0.0, 0.0
+            continue
+        kernel = impulse_response(column, gradients, weights=weights, rtol=rtol / 2)
+        if kernel is not None:
+            values = kernel.values[0]
+            vectors = WeightedVectors(values=values[:, :n], weights=kernel.weights)
+            slop = kernel.state_quadrature + kernel.state_tail
+            state[j] = largest_integral(vectors).upper + slop
+            output[:, j] = kernel.weights @ np.abs(values[:, n:]) + kernel.slop[n:]
+    return ChannelGains(state=state, output=output)
+
+
 def impulse_response(
     g: StateSpace,
     output_vector: FloatArray,
@@ -91,14 +192,14 @@ def impulse_response(
     weights: FloatArray | None = None,
     rtol: float,
 ) -> Kernel | None:
-    """Sampled response of W x, and of ``c'x`` as the last output; see `sample_kernel`.
+    """Sampled response of W x, and of every ``c'x`` as the last outputs; see `sample_kernel`.
 
     Parameters
     ----------
     g
         G, stable, without feedthrough, one input.
     output_vector
-        c, shape (n,).
+        c, shape (n,), or a row a group, (k, n).
     weights
         W, shape (n,); None for all 1.
     rtol

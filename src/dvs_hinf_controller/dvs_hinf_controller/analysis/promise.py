@@ -11,7 +11,7 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
-from dvs_hinf_controller.analysis.peak_gain import PeakGains
+from dvs_hinf_controller.analysis.peak_gain import ChannelGains
 from dvs_hinf_controller.analysis.sampled_gains import Gains, SampledGains
 from dvs_hinf_controller.analysis.static_gains import StaticGains
 from dvs_hinf_controller.controller import LinearController
@@ -32,7 +32,7 @@ class Held:
     error
         Bound of ``||W (x - x_d)||``; infinite where the small-gain condition fails.
     output
-        Bound of ``|c'(x - x_d)|``.
+        Bound of ``|c'(x - x_d)|``, the largest of all pixel groups.
     commands
         Bound of every ``|u_o|``, feed-forward included, shape (m,).
     """
@@ -95,7 +95,7 @@ class Promise:
         if not self.is_stable:
             return
         self._gains = gains = SampledGains(loop, rtol=rtol)
-        self._measurement = gains.of_measurement()
+        self._measurements = [gains.of_measurement(j) for j in range(model.group_count)]
         self._static = StaticGains(model, controller, problem.error_weights)
         self._drives, self._pulses, self._inputs, self._loads = [], [], [], []
         if operation.model_uncertainty > 0:
@@ -126,33 +126,33 @@ class Promise:
             return nothing
         luminosity = np.abs(problem.set_point_luminosity)
         unknown = self._operation.output_disturbance
-        luminosity, least = luminosity + unknown, luminosity.min() - unknown
+        luminosity, least = luminosity + unknown, luminosity - unknown
         line = self._operation.linearisation
         error = line.slope_error
-        share = float((sector * (1 + error) + error).mean())
-        bend, outer = 0.0, self._outer(start)
+        share = problem.group_means(sector * (1 + error) + error)
+        bend, outer = np.zeros(problem.model.group_count), self._outer(start)
         for _ in range(_ROUNDS):
-            constant = float(np.mean(sector * luminosity)) + bend
+            constant = problem.group_means(sector * luminosity) + bend
             solved = self._solve(constant, share, outer)
-            if solved is None or (1 + error) * solved.output >= least:
+            if solved is None or np.any(problem.by_pixel((1 + error) * solved.output) >= least):
                 return nothing
-            if solved.output > line.luminosity_reach:
+            if np.any(solved.output > line.luminosity_reach):
                 return nothing
             grown = self._bend(solved, luminosity) * (1 + float(sector.max()))
-            if grown <= bend * (1 + 1e-6):
+            if np.all(grown <= bend * (1 + 1e-6)):
                 break
             bend = grown * (1 + 1e-4)
         else:
             return nothing
         return Held(
             error=solved.error,
-            output=solved.output,
+            output=float(solved.output.max()),
             commands=solved.commands + np.abs(problem.equilibrium.feedforward),
         )
 
-    def _solve(self, constant: float, share: float, outer: Gains) -> Gains | None:
+    def _solve(self, constant: FloatArray, share: FloatArray, outer: Gains) -> Gains | None:
         """Bounds of the signals for ``|w| <= constant + share |c'x|``; None if there are none."""
-        channels = [self._measurement, *self._drives, *self._pulses]
+        channels = [*self._measurements, *self._drives, *self._pulses]
         matrix = np.array([self._answer(gains, share) for gains in channels]).T
         offset = self._answer(outer, share) + self._offset(constant)
         if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
@@ -167,14 +167,16 @@ class Promise:
 
         What is constant counts by its static gain in the limit.
         """
-        channels, sizes = [self._measurement], [0.0]
+        channels, sizes = [*self._measurements], [0.0] * len(self._measurements)
         if self._inputs:
-            channels, sizes = [*channels, *self._inputs], [0.0, *self._disturbance.tolist()]
+            channels = [*channels, *self._inputs]
+            sizes = [*sizes, *self._disturbance.tolist()]
         operation = self._operation
         loads = operation.constant_load.tolist() if self._loads else []
         if start is not None:
             channels = [*channels, self._gains.free(start), *self._loads]
-            sizes = [operation.output_disturbance, *sizes[1:], 1.0, *loads]
+            unknown = [operation.output_disturbance] * len(self._measurements)
+            sizes = [*unknown, *sizes[len(unknown) :], 1.0, *loads]
             if self._drift is not None:
                 channels, sizes = [*channels, self._gains.of_drive(self._drift)], [*sizes, 1.0]
         else:
@@ -185,20 +187,20 @@ class Promise:
                 channels, sizes = [*channels, self._static.of_drive(self._drift)], [*sizes, 1.0]
         return _combined(channels, sizes)
 
-    def _answer(self, signals: Gains, share: float) -> FloatArray:
+    def _answer(self, signals: Gains, share: FloatArray) -> FloatArray:
         """Sizes of all channels that signals of these bounds bring about, but for constants."""
         problem, operation = self._problem, self._operation
         model, period = problem.model, operation.sampling_period
         measured = share * signals.output
         if operation.interpolates:
-            measured += period**2 / 8 * signals.output_curve
+            measured = measured + period**2 / 8 * signals.output_curve
             if self._kinks:
                 slopes = np.abs(model.output_vector @ model.input_matrix)
-                measured += period / 4 * float(slopes @ signals.changes)
+                measured = measured + period / 4 * (slopes @ signals.changes)
         errors = self._model_errors(signals.states, signals.commands)
         return self._channels(measured + self._unseen(errors), errors, signals.changes)
 
-    def _offset(self, constant: float) -> FloatArray:
+    def _offset(self, constant: FloatArray) -> FloatArray:
         """Sizes that the channels have by themselves: luminosity, set-point, disturbances."""
         equilibrium, model = self._problem.equilibrium, self._problem.model
         errors = self._model_errors(np.abs(equilibrium.state), np.abs(equilibrium.feedforward))
@@ -208,8 +210,10 @@ class Promise:
         measured = constant + self._unseen(errors + disturbance)
         return self._channels(measured, errors, np.zeros(model.input_count))
 
-    def _channels(self, measured: float, errors: FloatArray, changes: FloatArray) -> FloatArray:
-        parts = [np.array([measured])]
+    def _channels(
+        self, measured: FloatArray, errors: FloatArray, changes: FloatArray
+    ) -> FloatArray:
+        parts = [measured]
         if self._drives:
             parts.append(errors)
         if self._pulses:
@@ -229,23 +233,24 @@ class Promise:
         moved = _through(model.state_matrix, states) + _through(model.input_matrix, commands)
         return np.asarray(uncertainty * moved)
 
-    def _unseen(self, drives: FloatArray) -> float:
+    def _unseen(self, drives: FloatArray) -> FloatArray:
         """What a drive that jumps within a period hides from a camera that interpolates."""
         if not self._operation.interpolates:
-            return 0.0
+            return np.zeros(1)
         c, period = self._problem.model.output_vector, self._operation.sampling_period
         curves = np.abs(c @ self._problem.model.state_matrix)
-        return float((period / 2 * np.abs(c) + period**2 / 8 * curves) @ drives)
+        return np.atleast_1d((period / 2 * np.abs(c) + period**2 / 8 * curves) @ drives)
 
-    def _bend(self, signals: Gains, luminosity: FloatArray) -> float:
+    def _bend(self, signals: Gains, luminosity: FloatArray) -> FloatArray:
         """How far a straight line in log y bends away from one in y, over a period, on average."""
+        problem = self._problem
         if not self._operation.interpolates:
-            return 0.0
+            return np.zeros(problem.model.group_count)
         line = self._operation.linearisation
-        travel = self._operation.sampling_period * signals.output_rate * line.steepness
-        change = (1 + line.slope_error) * signals.output
-        ratio = travel / (luminosity - change)
-        return float(np.mean((luminosity + change) * ratio**2)) / 8
+        rate = self._operation.sampling_period * signals.output_rate * line.steepness
+        change = problem.by_pixel((1 + line.slope_error) * signals.output)
+        ratio = problem.by_pixel(rate) / (luminosity - change)
+        return problem.group_means((luminosity + change) * ratio**2) / 8
 
 
 class Continuous:
@@ -259,7 +264,7 @@ class Continuous:
         N_G and N_T.
     """
 
-    def __init__(self, problem: DesignProblem, gains: PeakGains) -> None:
+    def __init__(self, problem: DesignProblem, gains: ChannelGains) -> None:
         self._problem, self._gains = problem, gains
 
     def held(self, sector: FloatArray) -> Held:
@@ -270,15 +275,17 @@ class Continuous:
         sector
             delta_i, shape (r,).
         """
-        luminosity = np.abs(self._problem.set_point_luminosity)
-        constant, share = float(np.mean(sector * luminosity)), float(sector.mean())
-        left = 1 - share * self._gains.output
-        none = np.full(self._problem.model.input_count, math.inf)
-        if not (left > 0 and math.isfinite(self._gains.state)):
+        problem, gains = self._problem, self._gains
+        luminosity = np.abs(problem.set_point_luminosity)
+        constant = problem.group_means(sector * luminosity)
+        none = np.full(problem.model.input_count, math.inf)
+        size = gains.amplified(constant, problem.group_means(sector))
+        if size is None:
             return Held(error=math.inf, output=math.inf, commands=none)
-        size = constant / left
         return Held(
-            error=self._gains.state * size, output=self._gains.output * size, commands=none
+            error=float(gains.state @ size),
+            output=float((gains.output @ size).max()),
+            commands=none,
         )
 
 

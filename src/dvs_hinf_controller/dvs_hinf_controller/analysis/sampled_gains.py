@@ -28,11 +28,11 @@ class Gains:
     states
         Of every ``|x_i|``, shape (n,).
     output
-        Of ``|c'x|``.
+        Of ``|c'x|`` of every pixel group, shape (k,).
     output_rate
-        Of its derivative, at the phases of a period that were looked at.
+        Of their derivatives, at the phases of a period that were looked at, shape (k,).
     output_curve
-        Of its second derivative, likewise.
+        Of their second derivatives, likewise, shape (k,).
     commands
         Of every ``|u_j|``, shape (m,).
     changes
@@ -41,9 +41,9 @@ class Gains:
 
     error: float
     states: FloatArray
-    output: float
-    output_rate: float
-    output_curve: float
+    output: FloatArray
+    output_rate: FloatArray
+    output_curve: FloatArray
     commands: FloatArray
     changes: FloatArray
 
@@ -86,16 +86,23 @@ class SampledGains:
         self._states = loop.model.state_count
         self._bounds = self._flow.bounds(self._outputs, self._states)
 
-    def of_measurement(self) -> Gains:
-        """Gains of an error of the measured deviation, at every instant."""
+    def of_measurement(self, group: int = 0) -> Gains:
+        """Gains of an error of a measured mean deviation, at every instant.
+
+        Parameters
+        ----------
+        group
+            Pixel group over whose pixels the mean goes.
+        """
         loop, n = self._loop, self._states
+        feedthrough = loop.controller.feedthrough_matrix[:, group]
         nodes = loop.interval_nodes
-        start = np.concatenate([np.zeros(n), loop.controller.input_vector])
+        start = np.concatenate([np.zeros(n), loop.controller.input_matrix[:, group]])
         states = loop.after(nodes, start)
         columns, weights = loop.lifted(states), trapezoidal_weights(nodes)
         at_once = np.zeros((1, self._outputs.shape[1]))
-        if np.any(loop.controller.feedthrough):
-            response = loop.command_response(loop.controller.feedthrough)
+        if np.any(feedthrough):
+            response = loop.command_response(feedthrough)
             columns, weights = np.column_stack([columns, response.state]), np.append(weights, 1.0)
             at_once = response.outputs
         slop = self._chord_error(nodes, states)
@@ -199,17 +206,18 @@ class SampledGains:
     def _assembled(self, rows: FloatArray, error: float) -> Gains:
         """Gains by name, with what may lie between two phases."""
         n, m = self._states, self._loop.model.input_count
+        k = self._loop.model.group_count
         between = self._loop.phase_spacing**2 / 8
-        curves, output = rows[n : 2 * n], rows[2 * n :]
-        plain = rows if self._loop.weights is None else output[3 + 2 * m :]
+        curves, output, commands = rows[n : 2 * n], rows[2 * n :], rows[2 * n + 3 * k :]
+        plain = rows if self._loop.weights is None else commands[2 * m :]
         return Gains(
             error=error + between * float(np.linalg.norm(curves)),
             states=plain[:n] + between * plain[n : 2 * n],
-            output=float(output[0] + between * output[2]),
-            output_rate=float(output[1]),
-            output_curve=float(output[2]),
-            commands=output[3 : 3 + m],
-            changes=output[3 + m : 3 + 2 * m],
+            output=output[:k] + between * output[2 * k : 3 * k],
+            output_rate=output[k : 2 * k],
+            output_curve=output[2 * k : 3 * k],
+            commands=commands[:m],
+            changes=commands[m : 2 * m],
         )
 
     def _largest(self, kernel: Kernel) -> float:

@@ -51,14 +51,14 @@ class _SampledLoop:
     @classmethod
     def of(cls, model: PlantModel, controller: LinearController) -> _SampledLoop:
         n, m, k = model.state_count, model.input_count, controller.order
-        c = model.output_vector[None, :]
+        c = model.gradients
         flow = np.zeros((n + m + k, n + m + k))
         flow[:n, :n], flow[:n, n : n + m] = model.state_matrix, model.input_matrix
-        flow[n + m :, :n] = controller.input_vector[:, None] @ c
+        flow[n + m :, :n] = controller.input_matrix @ c
         flow[n + m :, n + m :] = controller.state_matrix
         start = np.zeros((n + m + k, n + k))
         start[:n, :n], start[n + m :, n:] = np.eye(n), np.eye(k)
-        start[n : n + m, :n] = controller.feedthrough[:, None] @ c
+        start[n : n + m, :n] = controller.feedthrough_matrix @ c
         start[n : n + m, n:] = controller.output_matrix
         kept = np.delete(np.arange(n + m + k), np.arange(n, n + m))
         return cls(flow=flow, start=start, kept=kept)

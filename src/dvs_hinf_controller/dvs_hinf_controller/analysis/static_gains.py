@@ -54,20 +54,20 @@ class StaticGains:
         return self._moved(np.concatenate([drive, np.zeros(self._controller.order)]), 0.0)
 
     def of_measurement(self) -> Gains:
-        """Where a constant error of 1 of the measured deviation moves the loop."""
-        return self._moved(self._loop.b[:, 0], 1.0)
+        """Where a constant error of 1 of all measured deviations moves the loop."""
+        return self._moved(self._loop.b.sum(axis=1), 1.0)
 
     def _moved(self, drive: FloatArray, error: float) -> Gains:
         state = np.linalg.solve(self._loop.a, -drive)
         n, k = self._model.state_count, self._controller
-        x, output = state[:n], float(self._model.output_vector @ state[:n])
-        command = k.output_matrix @ state[n:] + k.feedthrough * (output + error)
+        x, output = state[:n], np.atleast_1d(self._model.output_vector @ state[:n])
+        command = k.output_matrix @ state[n:] + k.feedthrough_matrix @ (output + error)
         return Gains(
             error=float(np.linalg.norm(self._weights * x)),
             states=np.abs(x),
-            output=abs(output),
-            output_rate=0.0,
-            output_curve=0.0,
+            output=np.abs(output),
+            output_rate=np.zeros(output.size),
+            output_curve=np.zeros(output.size),
             commands=np.abs(command),
             changes=np.zeros(self._model.input_count),
         )

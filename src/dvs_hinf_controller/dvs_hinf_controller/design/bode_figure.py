@@ -35,6 +35,8 @@ def save_bode_figure(designs: Sequence[Design], path: str | Path) -> None:
     WriteError
         If the file cannot be written.
     """
+    for design in designs:
+        design.problem.model.require_one_group('the Bode figure')
     try:
         with drawing(), whole_file(path) as draft:
             _bode_figure(designs).savefig(draft, dpi=120)
@@ -49,7 +51,7 @@ def _bode_figure(designs: Sequence[Design]) -> Figure:
     frequencies = log_grid(np.concatenate([loop.poles() for loop in loops]))[1:]
     for design, loop, colour in zip(designs, loops, _COLOURS, strict=False):
         response = loop.response(frequencies)[:, :, 0]
-        output = response @ design.problem.model.output_vector
+        output = response @ design.problem.model.gradient
         gain = np.linalg.norm(response, axis=1)
         label = f'{design.method}: ||G||, mu = {design.figures.mu_upper:.4g}'
         magnitude.semilogx(frequencies, 20 * np.log10(gain), color=colour, label=label)

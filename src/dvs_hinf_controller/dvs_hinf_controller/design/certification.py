@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.analysis.peak_gain import PeakGains
+from dvs_hinf_controller.analysis.peak_gain import ChannelGains
 from dvs_hinf_controller.analysis.plant_list import held_with_all
 from dvs_hinf_controller.analysis.promise import (
     Continuous,
@@ -65,7 +65,7 @@ class Certification:
 
 
 def certify(
-    problem: DesignProblem, controller: LinearController, gains: PeakGains
+    problem: DesignProblem, controller: LinearController, gains: ChannelGains
 ) -> Certification:
     """Certified thresholds of a controller.
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
-from dvs_hinf_controller.analysis.hinf_norm import hinf_norm
-from dvs_hinf_controller.analysis.mu import mu_bounds
-from dvs_hinf_controller.analysis.peak_gain import peak_gains
+from dvs_hinf_controller.analysis.peak_gain import channel_gains
+from dvs_hinf_controller.analysis.published_norms import published_norms
 from dvs_hinf_controller.analysis.sampling import max_sampling_period
 from dvs_hinf_controller.analysis.thresholds import (
     event_threshold,
@@ -52,9 +51,10 @@ class DesignFigures:
     gamma
         ``sqrt(1 + ||c||^2) ||G||_inf``, the paper's unstructured norm; an upper bound.
     mu_upper
-        Bound of ``mu = sup_w (|T| + ||G||)`` for all frequencies.
+        Bound of ``mu = sup_w (|T| + ||G||)`` for all frequencies; not a number where there are
+        several pixel groups.
     mu_lower
-        Inverse size of a perturbation that makes the loop singular.
+        Inverse size of a perturbation that makes the loop singular; likewise.
     dc_gain_w1
         ``||Gw1(0)||``.
     dc_gain_w2
@@ -68,9 +68,11 @@ class DesignFigures:
     small_gain_ok
         Whether ``delta* ||Gw1||_inf < 1``.
     state_peak_gain
-        N_G, peak gain from w to ``||W x||``, an upper bound.
+        N_G, peak gain from w to ``||W x||``, an upper bound; from those of all pixel groups
+        together.
     output_peak_gain
-        N_T, peak gain from w to ``c'x``, an upper bound.
+        N_T, peak gain from w to ``c'x``, an upper bound; the largest of all groups, from those
+        of all together.
     delta_certified
         Relative error of the estimate up to which ``limsup ||x|| <= eps`` is guaranteed for the
         loop that runs.
@@ -315,32 +317,29 @@ def measure(
             f'a closed-loop pole has real part {abscissa:.3g}, and settling_time = '
             f'{problem.settling_time:g} s needs {-problem.least_decay:.3g}',
         )
-    c_norm = float(np.linalg.norm(problem.model.output_vector))
-    norm = hinf_norm(g)
-    static = g.response(np.zeros(1))[0]
-    dc_gain_w1 = c_norm * float(np.linalg.norm(static))
-    dc_gain_w2 = float(np.linalg.norm(problem.in_error_norm(np.abs(static))))
-    delta_star = published_uncertainty(problem, dc_gain_w1=dc_gain_w1, dc_gain_w2=dc_gain_w2)
-    mu = mu_bounds(g, problem.model.output_vector)
-    peak = peak_gains(g, problem.model.output_vector, weights=problem.error_weights)
-    certification = certify(problem, controller, peak)
+    norms = published_norms(problem, g)
+    delta_star = published_uncertainty(
+        problem, dc_gain_w1=norms.dc_gain_w1, dc_gain_w2=norms.dc_gain_w2
+    )
+    gains = channel_gains(g, problem.model.gradients, weights=problem.error_weights)
+    certification, peak = certify(problem, controller, gains), gains.together
     return DesignFigures(
         pixels=problem.scene.pixel_count,
-        mu_upper=mu.upper,
-        mu_lower=mu.lower,
+        mu_upper=norms.mu_upper,
+        mu_lower=norms.mu_lower,
         state_peak_gain=peak.state,
         output_peak_gain=peak.output,
         delta_certified=certification.delta_certified,
         h_certified=certification.h_certified,
         h_certified_continuous=certification.h_continuous,
         costs=certification.costs,
-        gamma=math.sqrt(1 + c_norm**2) * norm.upper,
-        dc_gain_w1=dc_gain_w1,
-        dc_gain_w2=dc_gain_w2,
-        hinf_gain_w1=c_norm * norm.upper,
+        gamma=norms.gamma,
+        dc_gain_w1=norms.dc_gain_w1,
+        dc_gain_w2=norms.dc_gain_w2,
+        hinf_gain_w1=norms.hinf_gain_w1,
         delta_star=delta_star,
         h_star=event_threshold(problem, delta_star),
-        small_gain_ok=small_gain_holds(delta_star, c_norm * norm.upper),
+        small_gain_ok=small_gain_holds(delta_star, norms.hinf_gain_w1),
         controller_order=controller.order,
         fastest_pole=float(np.max(np.abs(np.linalg.eigvals(controller.state_matrix)), initial=0)),
         closed_loop_abscissa=abscissa,

@@ -171,6 +171,7 @@ _IDENTITY_KEYS = ('plant', 'set_point', 'pixels')
 
 def _identity(problem: DesignProblem) -> dict[str, dict[str, Any]]:
     model, scene = problem.model, problem.scene
+    groups = {} if scene.groups is None else {'groups': scene.groups.tolist()}
     return {
         'plant': {
             'state_matrix': model.state_matrix.tolist(),
@@ -182,6 +183,7 @@ def _identity(problem: DesignProblem) -> dict[str, dict[str, Any]]:
             'height': scene.height,
             'width': scene.width,
             'fingerprint': _fingerprint(scene).tolist(),
+            **groups,
         },
     }
 
@@ -205,10 +207,10 @@ def _same(stored: object, wanted: object) -> bool:
 def _controller(fields: Mapping[str, Any]) -> LinearController:
     vector = np.array(fields['input_vector'], dtype=np.float64)
     feedthrough = np.array(fields['feedthrough'], dtype=np.float64)
-    k, m = vector.size, feedthrough.size
+    k, m = len(vector), len(feedthrough)
     return LinearController(
         state_matrix=np.array(fields['state_matrix'], dtype=np.float64).reshape(k, k),
-        input_vector=vector,
+        input_vector=vector.reshape(k, *feedthrough.shape[1:]),
         output_matrix=np.array(fields['output_matrix'], dtype=np.float64).reshape(m, k),
         feedthrough=feedthrough,
     )

@@ -32,8 +32,10 @@ def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
     names = dict.fromkeys(name for column in columns for name in column)
     rows += [[name, *(column.get(name, '-') for column in columns)] for name in names]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    groups = problem.model.group_count
     head = (
         f'plant n = {problem.model.state_count}, m = {problem.model.input_count}; '
+        f'{f"{groups} pixel groups; " if groups > 1 else ""}'
         f'pixels r = {problem.scene.pixel_count}; eps = {problem.tolerance:g}; '
         f'b = {problem.log_base:.6g}; h = {event_threshold:g}'
     )
@@ -46,10 +48,13 @@ def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
 
 def _cells(design: Design, event_threshold: float) -> dict[str, str]:
     figures = design.figures
-    return {
-        'gamma = sqrt(1 + ||c||^2) ||G||_inf': f'{figures.gamma:.5g}',
+    mu = {
         'mu, upper bound': f'{figures.mu_upper:.5g}',
         'mu, lower bound': f'{figures.mu_lower:.5g}',
+    }
+    return {
+        'gamma = sqrt(1 + ||c||^2) ||G||_inf': f'{figures.gamma:.5g}',
+        **(mu if design.problem.model.group_count == 1 else {}),
         '||Gw1(0)||': f'{figures.dc_gain_w1:.5g}',
         '||Gw2(0)||': f'{figures.dc_gain_w2:.5g}',
         '||Gw1||_inf': f'{figures.hinf_gain_w1:.5g}',
@@ -86,6 +91,8 @@ def _cost_rows(figures: DesignFigures) -> dict[str, str]:
 def _margin_rows(design: Design) -> dict[str, str]:
     if design.figures.state_peak_gain == 0:
         return {'feedback': 'none: u is constant'}
+    if design.problem.model.group_count > 1:
+        return {'margins': 'of one mean only'}
     found = margins(design.problem.model, design.controller)
     return {
         'gain margin, factors': f'{found.gain_down:.3g} ... {found.gain_up:.3g}',

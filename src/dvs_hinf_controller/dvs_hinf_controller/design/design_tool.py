@@ -86,7 +86,7 @@ def with_pixels(scenario: Scenario, grid: str) -> Scenario:
 
 
 def _spanning_pitch(scenario: Scenario, height: int, width: int) -> tuple[float, ...]:
-    n = len(scenario.plant.output_vector)
+    n = scenario.model.state_count
     extent = float(np.max(np.abs(scenario.pixels.pixel_offsets), initial=0.0)) or _DEFAULT_EXTENT
     pitch = np.zeros((2, n))
     pitch[0, 0] = 2 * extent / max(width - 1, 1)

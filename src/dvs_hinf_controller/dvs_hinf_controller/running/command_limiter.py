@@ -58,9 +58,9 @@ class CommandLimiter:
         fastest = max(np.abs(np.linalg.eigvals(model.state_matrix)).max(), _SLOWEST)
         scale = np.where(np.isfinite(magnitude), magnitude, rate / fastest)
         weight = np.diag(np.where(np.isfinite(scale), scale, scale[np.isfinite(scale)].max()) ** 2)
-        c = _EFFORT * model.output_vector / (problem.mean_luminosity or 1.0)
+        c = _EFFORT * model.gradients / (problem.mean_luminosity or 1.0)
         b = model.input_matrix
-        riccati = stabilizing_solution(model.state_matrix, b @ weight @ b.T, np.outer(c, c))
+        riccati = stabilizing_solution(model.state_matrix, b @ weight @ b.T, c.T @ c)
         if riccati is None:
             raise ParameterError(
                 'command_limit', magnitude.tolist(), 'has no anti-windup gain with these limits'
@@ -104,9 +104,12 @@ class CommandLimiter:
         self.is_limited = False
 
     @property
-    def luminosity(self) -> float:
-        """``c'lag``: how much more of luminosity a plant without limits would show."""
-        return float(self._output @ self._lag)
+    def luminosity(self) -> FloatArray:
+        """``c'lag``: how much more of luminosity a plant without limits would show.
+
+        Shape (k,) where there are k pixel groups, else ().
+        """
+        return np.asarray(self._output @ self._lag)
 
     def advance(self, duration_s: float) -> None:
         """Let the lag grow and shrink under the command that was sent last.

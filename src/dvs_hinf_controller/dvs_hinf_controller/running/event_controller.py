@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,8 @@ from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.command_limiter import CommandLimiter
-from dvs_hinf_controller.running.held_input import HeldInputResponse
 from dvs_hinf_controller.running.look_ahead import LookAhead, Silence
+from dvs_hinf_controller.running.means import means_of
 from dvs_hinf_controller.running.reference_state import Synchrony, Taken
 from dvs_hinf_controller.running.reference_watch import ReferenceWatch
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
@@ -112,10 +113,9 @@ class EventController:
     def _aim(self, problem: DesignProblem, controller: LinearController) -> None:
         self.problem = problem
         self._controller = controller
-        self.response = HeldInputResponse(controller.state_matrix, controller.input_vector)
+        self._means = means_of(problem)
+        self.response = self._means.response(controller)
         self._steps: dict[int, tuple[FloatArray, FloatArray]] = {}
-        self._target = problem.set_point_luminosity
-        self._mean_target = float(self._target.mean())
         self._feedforward = problem.equilibrium.feedforward
         self._ahead = LookAhead()
 
@@ -123,7 +123,7 @@ class EventController:
         self._duration_ns = 0
         self.state = np.zeros(self._controller.order)
         self._resting = self._feedforward
-        self.deviation = 0.0
+        self.deviation = self._means.rest
         self.is_blind = False
         if self.limiter is not None:
             self.limiter.begin(self._feedforward)
@@ -132,7 +132,7 @@ class EventController:
 
     def _refresh(self) -> None:
         """Take over what is known now; where nothing is, rest until something is."""
-        is_blind = not self.references.intervals.active_count
+        is_blind = self._means.is_blind(self.references.intervals)
         if is_blind and not self.is_blind:
             self._resting = (
                 self._command_of(self.state) if self._holds_unknown else self._feedforward
@@ -162,16 +162,10 @@ class EventController:
             self._resting = self._feedforward
         self.deviation = self._mean_deviation()
 
-    def _mean_deviation(self) -> float:
-        known = self.references.intervals
+    def _mean_deviation(self) -> Any:
         if self.is_blind:
-            return 0.0
-        target = self._mean_target
-        if known.active_count != known.active.size:
-            target = float(self._target[known.active].mean())
-        if self.limiter is not None:
-            target -= self.limiter.luminosity
-        return known.mean_estimate - target
+            return self._means.rest
+        return self._means.deviation(self.references.intervals, self.limiter)
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -229,8 +223,8 @@ class EventController:
 
     def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
-        command = k.output_matrix @ state + k.feedthrough * self.deviation
-        return command + self._feedforward
+        command = k.output_matrix @ state + self._means.driven(k.feedthrough, self.deviation)
+        return np.asarray(command + self._feedforward)
 
     def _limit(self, duration_ns: int) -> None:
         if self.limiter is not None:
@@ -238,6 +232,8 @@ class EventController:
 
     def look_ahead(self) -> None:
         """Work out, while there is time, the answer to a next packet that is as long and empty."""
+        if not self._means.foresees:
+            return
         state = self._held(self._duration_ns)
         self._ahead.keep(
             Silence(
@@ -300,7 +296,8 @@ class EventController:
         self._duration_ns = taken.duration_ns
         if len(taken.jumps):
             ages_ns = np.minimum(-packet.events['t'].astype(np.int64), self._duration_ns)
-            moved = self.response.jumped(taken.jumps, as_seconds(ages_ns))
+            jumps = self._means.jumps(taken.jumps, packet, self.references.intervals)
+            moved = self.response.jumped(jumps, as_seconds(ages_ns))
             self.state = self._held(self._duration_ns) + moved
         else:
             self._keep_still()
@@ -389,4 +386,4 @@ class EventController:
             if len(self._steps) < _KEPT_STEPS:
                 self._steps[duration_ns] = step
         transition, gain = step
-        return transition @ self.state + gain * self.deviation
+        return np.asarray(transition @ self.state + self._means.driven(gain, self.deviation))

@@ -13,7 +13,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
-from dvs_hinf_controller.analysis.peak_gain import peak_gains
+from dvs_hinf_controller.analysis.peak_gain import channel_gains
 from dvs_hinf_controller.analysis.plant_list import held_with_all
 from dvs_hinf_controller.analysis.plant_rates import plant_rate
 from dvs_hinf_controller.analysis.promise import Continuous, largest_uncertainty
@@ -21,6 +21,12 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis.delayed_plant import delayed_plant
+from dvs_hinf_controller.synthesis.group_weights import (
+    GroupWeights,
+    best_weights,
+    synthesize_groups,
+    weighted_controller,
+)
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
@@ -43,6 +49,7 @@ _OBSERVER_RATES = (0.03, 4.0)
 _LEAST_DELAY = 0.1
 _FASTEST_IN_DELAY = 4.0
 _MAX_CUTS = 6
+_LEAST_LUMINOSITY = 1e-3
 _SOLVERS = ('highs', 'highs-ipm')
 _CUT_RTOL = 5e-3
 _REDUCTION_LOSS = 2e-3
@@ -60,6 +67,9 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     controllers of the other methods are candidates; at last the lowest order is taken that loses
     next to nothing.
 
+    With several pixel groups the certificate chooses the weights of H-infinity designs
+    instead: the best that was found, with no claim to be the optimum (docs/pixel_groups.md).
+
     Parameters
     ----------
     problem
@@ -73,6 +83,10 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
         If no method finds a controller; with the reason of the first.
     """
     search = _Search(problem=problem, options=options)
+    if problem.model.group_count > 1:
+        search.add_rival(partial(synthesize_groups, problem, options))
+        best_weights(search.add_weighted, GroupWeights.first(search.disturbances))
+        return search.result()
     for synthesize in (synthesize_unstructured, synthesize_structured):
         search.add_rival(partial(synthesize, options=options))
     fastest = search.fastest
@@ -155,6 +169,22 @@ class _Search:
 
         return self.add(lambda: settled(self.problem, of_family))
 
+    @property
+    def disturbances(self) -> FloatArray:
+        """Mean luminosity of every group: what its mean disturbance grows with, in `units`."""
+        levels = self.problem.group_means(np.abs(self.problem.set_point_luminosity))
+        return np.maximum(levels / self.units.luminosity, _LEAST_LUMINOSITY)
+
+    def add_weighted(self, weights: GroupWeights) -> float:
+        """Score of the H-infinity controller for weights."""
+        units = self.units
+        limit = units.options(self.options).bandwidth_limit or math.inf
+
+        def of_weights(model: PlantModel) -> LinearController:
+            return units.controller(weighted_controller(units.plant(model), weights, limit=limit))
+
+        return self.add(lambda: settled(self.problem, of_weights))
+
     def climb(self, start: float) -> float:
         """Go down or up from a bandwidth while the score grows; return the best bandwidth."""
         limit = self.units.options(self.options).bandwidth_limit or math.inf
@@ -205,9 +235,7 @@ def _score(
     if float(np.max(g.poles().real)) >= -problem.least_decay:
         return -math.inf
     if problem.operation is None:
-        gains = peak_gains(
-            g, problem.model.output_vector, weights=problem.error_weights, rtol=rtol
-        )
+        gains = channel_gains(g, problem.model.gradients, weights=problem.error_weights, rtol=rtol)
         found = largest_uncertainty(problem, Continuous(problem, gains).held)
     else:
         held = held_with_all(problem, controller, problem.operation, rtol=rtol)
@@ -283,7 +311,7 @@ def _optimal_coefficients(family: YoulaFamily, states: int) -> FloatArray:
         if worst <= accounted * (1 + _CUT_RTOL):
             break
         directions.append(v)
-        rows = [family.model.output_vector[:states], *directions]
+        rows = [family.model.gradient[:states], *directions]
         theta = _linear_program(rows, weights, nominal, responses, jump)
     return np.asarray(theta / sizes)
 

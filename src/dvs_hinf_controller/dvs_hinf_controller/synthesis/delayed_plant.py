@@ -35,5 +35,5 @@ def delayed_plant(model: PlantModel, delay: float) -> PlantModel:
     return PlantModel(
         state_matrix=a,
         input_matrix=b,
-        output_vector=np.concatenate([model.output_vector, np.zeros(2 * m)]),
+        output_vector=np.concatenate([model.gradient, np.zeros(2 * m)]),
     )

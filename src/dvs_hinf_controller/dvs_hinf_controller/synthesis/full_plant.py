@@ -36,7 +36,7 @@ def full_plant(
         Weight of a further disturbance on xdot, in the unit of xdot over that of y; 0 leaves it
         out.
     """
-    a, b, c = model.state_matrix, model.input_matrix, model.output_vector[None, :]
+    a, b, c = model.state_matrix, model.input_matrix, model.gradient[None, :]
     n, m = b.shape
     r = pixel_count
     copies = np.vstack([np.eye(n)] * (r * performance_copies))

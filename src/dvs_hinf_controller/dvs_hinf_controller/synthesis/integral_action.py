@@ -32,7 +32,9 @@ def integrated_problem(problem: DesignProblem) -> DesignProblem:
             [[model.state_matrix, model.input_matrix], [np.zeros((m, n)), np.zeros((m, m))]]
         ),
         input_matrix=np.vstack([np.zeros((n, m)), np.eye(m)]),
-        output_vector=np.concatenate([model.output_vector, np.zeros(m)]),
+        output_vector=np.concatenate(
+            [model.output_vector, np.zeros((*model.output_vector.shape[:-1], m))], axis=-1
+        ),
     )
     try:
         augmented.require_detectable()
@@ -84,5 +86,5 @@ def with_integrators(controller: LinearController) -> LinearController:
         ),
         input_vector=np.concatenate([controller.input_vector, controller.feedthrough]),
         output_matrix=np.hstack([np.zeros((m, order)), np.eye(m)]),
-        feedthrough=np.zeros(m),
+        feedthrough=np.zeros_like(controller.feedthrough),
     )

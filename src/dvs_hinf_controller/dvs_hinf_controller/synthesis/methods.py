@@ -10,8 +10,8 @@ from dvs_common.errors import ParameterError
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.certified import synthesize_certified
+from dvs_hinf_controller.synthesis.group_weights import synthesize_groups
 from dvs_hinf_controller.synthesis.options import DesignOptions
-from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
 from dvs_hinf_controller.synthesis.settling import settled
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 
@@ -45,7 +45,7 @@ METHODS = {
         SynthesisMethod(
             name='unstructured',
             synthesize=lambda problem, options: settled(
-                problem, lambda model: synthesize_unstructured(model, options)
+                problem, lambda model: synthesize_groups(problem, options, model)
             ),
         ),
         # Minimise mu = sup_w (|T| + ||G||): the sector as it is (paper, section IV.A).

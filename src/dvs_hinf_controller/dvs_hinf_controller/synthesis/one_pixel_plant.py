@@ -1,4 +1,4 @@
-"""The problem that is left for every number of pixels: one measurement, the mean of zbar."""
+"""The problem that is left for every number of pixels: a measurement a group, its mean zbar."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def reduced_plant(
     """Regularised generalized plant of the reduced problem.
 
     Performance is ``[x; input_cost u]``, disturbance ``[noise; w]``, measurement
-    ``c'x + weight(s) w``. The paper's D12 = 0 and the missing process noise make its plant
-    singular (paper, Remark 6); the two small terms regularise it.
+    ``c'x + weight(s) w``, one for each pixel group. The paper's D12 = 0 and the missing
+    process noise make its plant singular (paper, Remark 6); the two small terms regularise it.
 
     Parameters
     ----------
@@ -33,11 +33,13 @@ def reduced_plant(
     process_noise
         Intensity of the noise on xdot, > 0, in the unit of xdot over that of y.
     weight
-        Stable scalar weight V with V(inf) != 0 on w; 1 if left out.
+        Stable scalar weight V with V(inf) != 0 on w; 1 if left out, and of several groups.
     output_weight
-        Stable scalar weight on the component of x along c; 1 if left out.
+        Stable scalar weight on the component of x along c; likewise.
     """
-    a, b, c = model.state_matrix, model.input_matrix, model.output_vector
+    if model.group_count > 1:
+        return _of_groups(model, input_cost=input_cost, process_noise=process_noise)
+    a, b, c = model.state_matrix, model.input_matrix, model.gradient
     n, m = b.shape
     v = weight or StateSpace.constant(1.0)
     o = output_weight or StateSpace.constant(1.0)
@@ -68,4 +70,17 @@ def reduced_plant(
         c2=np.hstack([c[None, :], v.c, np.zeros((1, o.order))]),
         d12=np.vstack([np.zeros((n, m)), input_cost * np.eye(m)]),
         d21=np.hstack([np.zeros((1, n)), v.d]),
+    )
+
+
+def _of_groups(model: PlantModel, *, input_cost: float, process_noise: float) -> GeneralizedPlant:
+    n, m, k = model.state_count, model.input_count, model.group_count
+    return GeneralizedPlant(
+        a=model.state_matrix,
+        b1=np.hstack([process_noise * np.eye(n), np.zeros((n, k))]),
+        b2=model.input_matrix,
+        c1=np.vstack([np.eye(n), np.zeros((m, n))]),
+        c2=model.gradients,
+        d12=np.vstack([np.zeros((n, m)), input_cost * np.eye(m)]),
+        d21=np.hstack([np.zeros((k, n)), np.eye(k)]),
     )

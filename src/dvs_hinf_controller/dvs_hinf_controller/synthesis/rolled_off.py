@@ -144,7 +144,7 @@ def synthesize_unstructured(model: PlantModel, options: DesignOptions) -> Linear
 
 
 def as_controller(synthesis: HinfSynthesis) -> LinearController:
-    """K of a problem with one measurement as a `LinearController`.
+    """K as a `LinearController`.
 
     Parameters
     ----------
@@ -152,6 +152,10 @@ def as_controller(synthesis: HinfSynthesis) -> LinearController:
         Result of `hinf_synthesis` on a reduced plant.
     """
     k = synthesis.controller
+    if k.d.shape[1] > 1:
+        return LinearController(
+            state_matrix=k.a, input_vector=k.b, output_matrix=k.c, feedthrough=k.d
+        )
     return LinearController(
         state_matrix=k.a, input_vector=k.b[:, 0], output_matrix=k.c, feedthrough=k.d[:, 0]
     )

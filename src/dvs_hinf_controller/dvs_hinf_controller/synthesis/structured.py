@@ -44,6 +44,7 @@ def synthesize_structured(model: PlantModel, options: DesignOptions) -> LinearCo
     SynthesisError
         If the unweighted problem has no controller; names the assumption that fails.
     """
+    model.require_one_group('method structured')
     units = Units.of(model)
     plant, limits = units.plant(model), units.options(options)
     slope = min(units.luminosity, _LARGEST_SLOPE)
@@ -81,7 +82,7 @@ def input_ratio(model: PlantModel, frequencies: FloatArray) -> FloatArray:
     pencil = 1j * frequencies[:, None, None] * identity - model.state_matrix
     right = np.broadcast_to(model.input_matrix, (frequencies.size, *model.input_matrix.shape))
     direction = np.linalg.solve(pencil, right)[:, :, 0]
-    return np.asarray(np.abs(direction @ model.output_vector) / np.linalg.norm(direction, axis=1))
+    return np.asarray(np.abs(direction @ model.gradient) / np.linalg.norm(direction, axis=1))
 
 
 def _one_input(plant: PlantModel, options: DesignOptions, luminosity: float) -> LinearController:
@@ -100,7 +101,7 @@ def _next_iterate(
     plant: PlantModel, response: ComplexArray, options: DesignOptions, luminosity: float
 ) -> LinearController:
     grid = _grid(plant)
-    ratio = np.abs(response @ plant.output_vector) / np.linalg.norm(response, axis=1)
+    ratio = np.abs(response @ plant.gradient) / np.linalg.norm(response, axis=1)
     inverse_square = luminosity * np.maximum(ratio, _LEAST_RATIO)
     return synthesize_rolled_off(
         plant,
@@ -111,7 +112,7 @@ def _next_iterate(
 
 
 def _mu(model: PlantModel, controller: LinearController) -> float:
-    return mu_bounds(state_response(model, controller), model.output_vector, rtol=1e-2).upper
+    return mu_bounds(state_response(model, controller), model.gradient, rtol=1e-2).upper
 
 
 def _grid(model: PlantModel) -> FloatArray:

@@ -119,7 +119,7 @@ class Units:
             state_matrix=k.state_matrix * self.rate,
             input_vector=k.input_vector * self.rate / self.luminosity,
             output_matrix=k.output_matrix * self.inputs[:, None],
-            feedthrough=k.feedthrough * self.inputs / self.luminosity,
+            feedthrough=(k.feedthrough.T * self.inputs).T / self.luminosity,
         )
 
 

@@ -89,7 +89,7 @@ class YoulaFamily:
         SynthesisError
             If the plant is not stabilizable or not detectable.
         """
-        a, b, c = model.state_matrix, model.input_matrix, model.output_vector[:, None]
+        a, b, c = model.state_matrix, model.input_matrix, model.gradient[:, None]
         feedback = _regulator(a, b, rate, Assumption.STABILIZABILITY)
         injection = -_regulator(a.T, c, rate, Assumption.DETECTABILITY)[0]
         return cls(
@@ -109,7 +109,7 @@ class YoulaFamily:
         """Times that resolve the fastest filter and reach the end of the slowest mode, s."""
         loop = [
             self.model.state_matrix + self.model.input_matrix @ self.feedback,
-            self.model.state_matrix - np.outer(self.injection, self.model.output_vector),
+            self.model.state_matrix - np.outer(self.injection, self.model.gradient),
         ]
         modes = np.concatenate([np.linalg.eigvals(matrix) for matrix in loop])
         fastest = max(float(np.max(np.abs(modes))), float(np.max(self.filter_poles, initial=0)))
@@ -134,7 +134,7 @@ class YoulaFamily:
             Shapes (N, n) and (N, n, k) with k = `coefficient_count`; theta is ordered filter by
             filter.
         """
-        a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.output_vector
+        a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.gradient
         n, m = b.shape
         f = self.filter_poles.size
         observer = np.zeros((n + f, n + f))
@@ -186,7 +186,7 @@ class YoulaFamily:
         theta
             Shape (`coefficient_count`,).
         """
-        a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.output_vector
+        a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.gradient
         n, m = b.shape
         f = self.filter_poles.size
         if self.strictly_proper:

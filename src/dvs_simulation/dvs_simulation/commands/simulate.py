@@ -92,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
+    scenario.model.require_one_group('simulate without --sampled')
     design = design_from_scenario(scenario)
     loop = ClosedLoop.from_scenario(scenario, design.controller)
     duration = float(scenario.loop.duration)

@@ -128,7 +128,7 @@ def _constants(
     if tail_start is not None and not step > 0:
         raise ParameterError('tail_step', tail_step, 'must be > 0')
     return layout.Constants(
-        offset=float(loop.model.output_vector @ loop.equilibrium.state),
+        offset=float(loop.model.gradient @ loop.equilibrium.state),
         growth=0.0,
         log_step=threshold_step(loop.event_threshold, loop.log_base),
         dead_band=float(loop.dead_band) if loop.photoreceptor == 'signed_log' else 0.0,
@@ -170,7 +170,7 @@ def _modes(
         error_basis = loop.error_weights[:, None] * error_basis
     modal = np.zeros((layout.MODAL_ROWS, len(form.basis)))
     modal[layout.POLE, :p] = form.real_poles
-    modal[layout.WEIGHT] = form.output(np.concatenate([model.output_vector, _rest(loop)]))
+    modal[layout.WEIGHT] = form.output(np.concatenate([model.gradient, _rest(loop)]))
     modal[layout.FORCING] = form.to_modal(forcing)
     modal[layout.DRIFT] = form.to_modal(np.concatenate([residual, _rest(loop)]))
     modal[layout.ERROR_SIZE] = np.linalg.norm(error_basis, axis=0)

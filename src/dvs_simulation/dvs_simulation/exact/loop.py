@@ -78,6 +78,7 @@ class ClosedLoop:
 
     def __post_init__(self) -> None:
         """Check sizes and assumption (A1); freeze the arrays."""
+        self.model.require_one_group('the exact simulation')
         state = finite_array('initial_state', self.initial_state, ndim=1)
         object.__setattr__(self, 'initial_state', state)
         self._check_sizes()

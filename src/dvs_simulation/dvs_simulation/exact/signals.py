@@ -74,7 +74,7 @@ def luminosities(loop: ClosedLoop, states: FloatArray) -> FloatArray:
     states
         x in original coordinates, shape (k, n).
     """
-    return (states @ loop.model.output_vector)[:, None] + loop.scene.brightness_offsets
+    return (states @ loop.model.gradient)[:, None] + loop.scene.brightness_offsets
 
 
 def sector_ratios(loop: ClosedLoop, run: Trajectory) -> FloatArray:

@@ -127,7 +127,7 @@ def error(
 def output_error(
     states: FloatArray, equilibrium: Equilibrium, output_vector: FloatArray
 ) -> FloatArray:
-    """``|c'(x - x_d)|`` of every state, shape (k,), in the unit of y.
+    """``|c'(x - x_d)|`` of every state, shape (k,), in the unit of y; the largest of all groups.
 
     Parameters
     ----------
@@ -136,9 +136,10 @@ def output_error(
     equilibrium
         x_d.
     output_vector
-        c, shape (n,).
+        c, shape (n,), or a row a group.
     """
-    return np.asarray(np.abs((states - equilibrium.state) @ output_vector))
+    outputs = np.abs((states - equilibrium.state) @ output_vector.T)
+    return np.asarray(outputs.max(axis=-1) if output_vector.ndim == 2 else outputs)
 
 
 def sector_ratio(

@@ -134,7 +134,7 @@ class _Scene:
 
     def _draw_profile(self, axes: Any) -> None:
         loop, states = self.experiment.loop, self.experiment.run.states
-        c = loop.model.output_vector
+        c = loop.model.gradient
         low, high = np.array([-0.36, 0.0]), np.array([0.10, 0.40])
         grid = np.meshgrid(np.linspace(low[0], high[0], 60), np.linspace(low[1], high[1], 60))
         brightness = c[0] * grid[0] + c[1] * grid[1] + loop.scene.brightness_offsets.mean()

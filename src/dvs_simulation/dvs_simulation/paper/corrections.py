@@ -159,7 +159,7 @@ def counterexample_gain(counterexample: Counterexample) -> FloatArray:
     experiment = counterexample.experiments[0]
     model = experiment.loop.model
     g = state_response(model, experiment.design.controller).response(FREQUENCIES)[:, :, 0]
-    return np.asarray(np.linalg.norm(model.output_vector) * np.linalg.norm(g, axis=1))
+    return np.asarray(np.linalg.norm(model.gradient) * np.linalg.norm(g, axis=1))
 
 
 def _mark_tolerance(axes: Axes, left: float) -> None:

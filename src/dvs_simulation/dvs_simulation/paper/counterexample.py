@@ -42,7 +42,7 @@ def misled_controller(model: PlantModel) -> LinearController:
 
 
 def _generalized_plant(model: PlantModel) -> GeneralizedPlant:
-    a, b, c = model.state_matrix, model.input_matrix, model.output_vector
+    a, b, c = model.state_matrix, model.input_matrix, model.gradient
     n, m = b.shape
     # V = 1 + (zero - pole) / (s + pole), with one state fed by c'x.
     states = np.zeros((n + 1, n + 1))

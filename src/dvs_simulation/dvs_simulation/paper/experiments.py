@@ -213,7 +213,7 @@ def worst_case_gain(experiment: Experiment, frequencies: FloatArray) -> FloatArr
     model = experiment.loop.model
     response = state_response(model, experiment.design.controller).response(frequencies)[:, :, 0]
     delta = float(experiment.loop.sector().error_bound.max())
-    room = 1 - delta * np.abs(response @ model.output_vector)
+    room = 1 - delta * np.abs(response @ model.gradient)
     gain = delta * np.linalg.norm(response, axis=1)
     unbounded = np.full_like(gain, math.inf)
     return np.asarray(np.divide(gain, room, out=unbounded, where=room > 0))

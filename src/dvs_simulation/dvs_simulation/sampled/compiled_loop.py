@@ -193,7 +193,7 @@ class CompiledLoop:
             state=state.copy(),
             transitions=np.stack([transition for transition, _ in steps]),
             gains=np.stack([gain for _, gain in steps]),
-            gradient=np.ascontiguousarray(self._model.output_vector),
+            gradient=np.ascontiguousarray(self._model.gradient),
             offsets=np.ascontiguousarray(self._scene.brightness_offsets),
             first_piece=np.asarray(schedule.first_piece, np.int64),
             lengths=np.asarray(which, np.int64),
@@ -274,7 +274,12 @@ def compiled_loop(scenario: Scenario, design: Design) -> CompiledLoop | None:
     """
     run, loops = _loaded(), numpy_loops()
     imperfections = scenario.imperfections
-    if run is None or loops is None or scenario.camera.frame_rate:
+    if (
+        run is None
+        or loops is None
+        or scenario.camera.frame_rate
+        or scenario.scene.groups is not None
+    ):
         return None
     if scenario.sensor.photoreceptor != 'log' or scenario.camera.interpolation != 'linear_log':
         return None

@@ -87,7 +87,7 @@ def run_late(problem: DesignProblem, controller: LinearController, run: LateRun)
         path,
         run.deviation.astype(np.float64),
         step,
-        problem.model.output_vector,
+        problem.model.gradient,
         problem.set_point_luminosity,
         poles.astype(np.complex128),
         np.linalg.solve(vectors, controller.input_vector.astype(np.complex128)),

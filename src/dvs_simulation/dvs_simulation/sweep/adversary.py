@@ -227,5 +227,5 @@ def largest_start(problem: DesignProblem) -> float:
         Pixels and tolerance.
     """
     room = float(np.min(problem.set_point_luminosity))
-    room /= float(np.linalg.norm(problem.model.output_vector))
+    room /= float(np.linalg.norm(problem.model.gradient))
     return min(problem.tolerance, 0.3 * room) if math.isfinite(room) else problem.tolerance

@@ -134,7 +134,7 @@ def random_run(case: RandomCase, rng: np.random.Generator) -> ClosedLoop:
     problem, model = case.problem, case.problem.model
     direction = rng.standard_normal(model.state_count)
     room = 0.4 * float(np.min(problem.set_point_luminosity))
-    reach = room / float(np.linalg.norm(model.output_vector)) * rng.random()
+    reach = room / float(np.linalg.norm(model.gradient)) * rng.random()
     start = problem.equilibrium.state + reach * direction / np.linalg.norm(direction)
     y = problem.scene.luminosity(model, start)
     bounds = ReferenceBounds(lower=y * (1 - case.uncertainty), upper=y * (1 + case.uncertainty))

@@ -214,7 +214,7 @@ def _attempt(rng: np.random.Generator, method: str) -> PromiseCase | None:
     late = int(rng.choice([0, 0, TICKS // 4, TICKS, 30]))
     jitter = int(rng.choice([0, 1, 3])) if late else 0
     light = float(np.min(np.abs(problem.set_point_luminosity)))
-    scale = light / float(np.linalg.norm(model.output_vector))
+    scale = light / float(np.linalg.norm(model.gradient))
     strength = scale / max(float(np.linalg.norm(model.input_matrix)), 1e-9)
     operation = Operation(
         sampling_period=period,

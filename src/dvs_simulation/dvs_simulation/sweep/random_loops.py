@@ -98,7 +98,7 @@ def random_problem(rng: np.random.Generator) -> RandomProblem:
     held = model.equilibrium(rng.uniform(-1, 1, model.state_count), tolerance=np.inf)
     pixels = int(rng.choice([1, 2, 3, 5, 9]))
     darkest = float(10.0 ** rng.uniform(-1, 1))
-    target = float(model.output_vector @ held.state)
+    target = float(model.gradient @ held.state)
     offsets = darkest * (1 + rng.uniform(0, 0.5, pixels)) - target
     uncertainty = float(rng.choice([0.0, 0.01]))
     luminosity = target + offsets
@@ -123,7 +123,7 @@ def _attempt(rng: np.random.Generator, method: str) -> RandomCase | None:
         model.require_stabilizable()
         model.require_detectable()
         controller = _controller(problem, method, rng)
-        gains = peak_gains(state_response(model, controller), model.output_vector)
+        gains = peak_gains(state_response(model, controller), model.gradient)
         if not 0 < gains.output < 12:
             return None
         allowed = float(rng.uniform(0.3, 0.9)) / gains.output
@@ -175,7 +175,7 @@ def lqg_controller(model: PlantModel, cost: float, noise: float) -> LinearContro
     noise
         Intensity of the measurement noise beside unit process noise.
     """
-    a, b, c = model.state_matrix, model.input_matrix, model.output_vector[:, None]
+    a, b, c = model.state_matrix, model.input_matrix, model.gradient[:, None]
     n, m = b.shape
     p = scipy.linalg.solve_continuous_are(a, b, np.eye(n), cost * np.eye(m))
     s = scipy.linalg.solve_continuous_are(a.T, c, np.eye(n), noise * np.eye(1))
