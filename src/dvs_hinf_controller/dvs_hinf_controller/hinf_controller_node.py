@@ -240,7 +240,9 @@ class HinfControllerNode(ManagedNode):
         """Rates, estimator and thresholds; see `ManagedNode.health`."""
         h = self._controller.event_threshold
         references = self._controller.references
-        figures = self._certificate.of(references.health.healthy)
+        used = references.health.healthy
+        is_seen = self._design.problem.sees_all_groups(used)
+        figures = self._certificate.of(used) if is_seen else None
         budget = self._controller.read_budget(figures.delta_certified if figures else 0.0)
         event_rate = self._event_rate.read(self._events)
         limiter = self._controller.limiter

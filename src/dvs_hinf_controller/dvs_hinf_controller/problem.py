@@ -141,6 +141,17 @@ class DesignProblem:
             initial_state=scenario.initial_state,
         )
 
+    def sees_all_groups(self, chosen: NDArray[np.bool_]) -> bool:
+        """Whether some of the pixels leave one of every pixel group.
+
+        Parameters
+        ----------
+        chosen
+            Pixels that stay, shape (r,).
+        """
+        groups = range(self.model.group_count)
+        return all(chosen[self.scene.pixels_of(one)].any() for one in groups)
+
     def of_pixels(self, chosen: NDArray[np.bool_]) -> DesignProblem:
         """The same problem with the mean over some of the pixels only, as if no other were there.
 

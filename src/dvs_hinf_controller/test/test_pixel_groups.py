@@ -308,6 +308,7 @@ def test_a_group_without_a_pixel_leaves_no_command_and_no_certificate(quadrotor)
     healthy = np.isin(np.arange(GROUPS.size), masked, invert=True)
     with pytest.raises(ParameterError, match='must leave a pixel of pixel group 0'):
         problem.of_pixels(healthy)
+    assert not problem.sees_all_groups(healthy)
     live = LiveCertificate(quadrotor)
     with pytest.raises(ParameterError, match='must leave a pixel of pixel group 0'):
         while live.of(healthy) is None:
