@@ -248,7 +248,10 @@ def _budgets(sampled: SampledRun) -> list[Budget]:
     assert sampled.controller is not None
     design, references = sampled.design, sampled.controller.references
     budget = sampled.controller.read_budget(design.figures.delta_certified)
-    left = design.problem.of_pixels(references.health.healthy)
+    used = references.health.healthy
+    if not design.problem.sees_all_groups(used):
+        return [budget, dataclasses.replace(budget, delta_certified=0.0)]
+    left = design.problem.of_pixels(used)
     if left.scene.pixel_count == design.figures.pixels:
         return [budget]
     at_end = measure(left, design.controller).delta_certified
