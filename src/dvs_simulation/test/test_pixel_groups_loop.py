@@ -1,0 +1,69 @@
+"""The sampled loop of two pixel groups: its promise, and what refuses more than one."""
+
+import numpy as np
+import pytest
+
+from dvs_common.errors import ParameterError
+from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire.messages import parse_state
+from dvs_common.wire.topics import STATE
+from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_simulation.exact.loop import ClosedLoop
+from dvs_simulation.sampled.compiled_loop import compiled_loop
+from dvs_simulation.sampled.sampled_loop import run_by_messages
+
+# Two unstable axes, each seen mainly by one stripe.
+STRIPES = Scenario.from_values(
+    {
+        'state_matrix': [0.5, 0.0, 0.0, 1.0],
+        'input_matrix': [1.0, 0.0, 0.0, 1.0],
+        'output_vector': [1.0, 0.2, -0.3, 1.0],
+        'pixel_grid': [2, 2],
+        'pixel_groups': [0, 1],
+        'pixel_offsets': [0.9, 0.0, 1.0, 0.0, 0.0, 0.9, 0.0, 1.0],
+        'initial_state': [0.1, -0.1],
+        'set_point': [0.0, 0.0],
+        'tolerance': 0.2,
+        'reference_uncertainty': 0.002,
+        'disturbance_bound': [0.01],
+        'method': 'unstructured',
+        'bandwidth_limit': 20.0,
+        'sampling_period': 0.01,
+        'duration': 12.0,
+    }
+)
+
+
+@pytest.fixture(scope='module')
+def design():
+    return design_from_scenario(STRIPES)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_two_groups_stay_within_their_promise(design, seed):
+    generator = np.random.default_rng(seed)
+    h = design.figures.h_certified
+    assert h > 0.02
+    start = 0.15 * np.sign(generator.standard_normal(2))
+    scenario = STRIPES.replace(
+        event_threshold=0.999 * h,
+        initial_state=start.tolist(),
+        initial_reference='random',
+        seed=seed,
+        constant_load=(0.01 * np.sign(generator.standard_normal(2))).tolist(),
+    )
+    run = run_by_messages(scenario, design=design)
+
+    states = np.array([parse_state(message).values for message in run.messages[STATE]])
+    settled = len(states) * 2 // 3
+    error = np.linalg.norm(states[settled:], axis=1).max()
+    assert 0.02 < error < design.problem.tolerance
+
+
+def test_the_loop_of_two_groups_runs_by_messages(design):
+    assert compiled_loop(STRIPES, design) is None
+
+
+def test_the_exact_simulation_refuses_two_groups_by_name(design):
+    with pytest.raises(ParameterError, match='2 pixel groups; the exact simulation takes one'):
+        ClosedLoop.from_scenario(STRIPES, design.controller)
