@@ -1,5 +1,6 @@
 """Recording and replay with real processes; replayed events give the recorded commands."""
 
+import os
 import subprocess
 import time
 from itertools import pairwise
@@ -20,7 +21,8 @@ from loop_support import (
 )
 from mcap.reader import make_reader
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import Image
+from sensor_encoders import large_dat_file
+from sensor_msgs.msg import Image, PointCloud2
 
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_closed_loop.bags.bag_recorder import BagRecorder
@@ -317,3 +319,33 @@ def test_a_best_effort_camera_is_recorded_and_said_to_be_one(domain, processes, 
     assert code == 0, output
     assert 'luminosity has a publisher with best-effort QoS' in output
     assert len(read_bag(tmp_path / 'bag').messages) >= 3
+
+
+@pytest.mark.long
+def test_a_hundred_million_events_are_played_in_half_a_gigabyte(domain, processes, tmp_path):
+    path = large_dat_file(tmp_path / 'large.dat', 100)
+    received = 0
+
+    def count(message):
+        nonlocal received
+        received += len(parse_events(message).events)
+
+    with operating(domain) as listener:
+        qos = STREAMS[topics.EVENTS].offered_qos
+        listener.node.create_subscription(PointCloud2, topics.EVENTS, count, qos, raw=True)
+        player = start('dvs_closed_loop', domain, ['play', str(path), '--wait', '--rate', '0.1'])
+        processes.append(player)
+        ended = []
+
+        def has_ended():
+            ended[:] = os.wait4(player.pid, os.WNOHANG)
+            return ended[0] == player.pid
+
+        assert listener.spin_until(has_ended, timeout_s=600)
+        listener.spin_until(lambda: received == 10**8, timeout_s=5)
+    _, status, used = ended
+
+    assert status == 0
+    assert '100000000 events played' in player.stdout.read()
+    assert received == 10**8
+    assert used.ru_maxrss / 1024 < 500

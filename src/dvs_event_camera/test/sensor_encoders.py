@@ -174,6 +174,19 @@ def dat_bytes(events, *, width=346, height=260):
     return head.encode() + struct.pack('BB', 0x0C, 8) + words.tobytes()
 
 
+def large_dat_file(path, millions):
+    """A DAT file of that many million events, 60 ms of each million, written piece by piece."""
+    octets = dat_bytes(some_events(10**6, width=346))
+    head, words = octets[:-8_000_000], np.frombuffer(octets[-8_000_000:], '<u4').reshape(-1, 2)
+    with path.open('wb') as file:
+        file.write(head)
+        for k in range(millions):
+            piece = words.copy()
+            piece[:, 0] += 60_000 * k
+            file.write(piece.tobytes())
+    return path
+
+
 def nmnist_bytes(events):
     """An N-MNIST file: x, y, and polarity above 23 bits of microseconds, big-endian."""
     t = events.t // 1000

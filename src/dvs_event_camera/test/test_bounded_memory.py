@@ -4,9 +4,8 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-from sensor_encoders import dat_bytes, some_events
+from sensor_encoders import large_dat_file
 
 # Prints the peak of the process, MB, after what the tool printed.
 MEASURED = """
@@ -16,19 +15,6 @@ code = tool.main({arguments!r})
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 sys.exit(code)
 """
-
-
-def recording(path, millions):
-    """A DAT file of that many million events, written piece by piece."""
-    octets = dat_bytes(some_events(10**6, width=346))
-    head, words = octets[:-8_000_000], np.frombuffer(octets[-8_000_000:], '<u4').reshape(-1, 2)
-    with path.open('wb') as file:
-        file.write(head)
-        for k in range(millions):
-            piece = words.copy()
-            piece[:, 0] += 60_000 * k
-            file.write(piece.tobytes())
-    return path
 
 
 def peak_of(tool, *arguments):
@@ -49,7 +35,10 @@ def convert(path, target):
 
 @pytest.mark.processes
 def test_memory_does_not_grow_with_the_recording(tmp_path):
-    small, large = recording(tmp_path / 'small.dat', 1), recording(tmp_path / 'large.dat', 6)
+    small, large = (
+        large_dat_file(tmp_path / f'{name}.dat', size)
+        for name, size in (('small', 1), ('large', 6))
+    )
     # All events of the large one in memory would be 65 MB more.
     assert show(large)[0] - show(small)[0] < 30
     peaks = [convert(path, tmp_path / f'{path.stem}.h5')[0] for path in (small, large)]
@@ -62,7 +51,7 @@ def test_memory_does_not_grow_with_the_recording(tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize('suffix', ['npy', 'npz', 'h5', 'aedat4', 'csv', 'txt'])
 def test_a_hundred_million_events_in_half_a_gigabyte(suffix, tmp_path):
-    path = recording(tmp_path / 'large.dat', 100)
+    path = large_dat_file(tmp_path / 'large.dat', 100)
     target = tmp_path / f'large.{suffix}'
 
     peaks = [show(path)[0], convert(path, target)[0], show(target)[0]]

@@ -283,6 +283,18 @@ def test_csv_and_text_and_numpy_files_are_what_their_readers_expect(raw, events,
     assert set(np.unique(columns['p'])) == {0, 1}
 
 
+def test_aedat4_is_read_by_the_library_of_its_makers(raw, events, tmp_path):
+    dv_processing = pytest.importorskip('dv_processing')
+    reader = dv_processing.io.MonoCameraRecording(str(convert(raw, tmp_path / 'out.aedat4')))
+    found = np.concatenate([batch.numpy() for batch in iter(reader.getNextEventBatch, None)])
+
+    assert reader.getEventResolution() == (640, 480)
+    assert np.array_equal(found['timestamp'], events.t // 1000)
+    assert np.array_equal(found['x'], events.x)
+    assert np.array_equal(found['y'], events.y)
+    assert np.array_equal(found['polarity'] > 0, events.p == 1)
+
+
 def test_tonic_reads_aedat4_and_npy_and_tells_on_from_off(raw, events, tmp_path):
     tonic = pytest.importorskip('tonic')
     to_frame = tonic.transforms.ToFrame(sensor_size=(640, 480, 2), n_time_bins=1)

@@ -103,6 +103,35 @@ def test_what_makes_no_sense_is_one_line_and_no_file(
     assert [path.name for path in tmp_path.iterdir()] == ['in']
 
 
+def test_what_comes_before_a_broken_picture_is_kept(tmp_path, capsys):
+    source, out = folder_of(tmp_path / 'in', [blob(8 + k) for k in range(6)]), tmp_path / 'e.npz'
+    (source / '4.png').write_bytes(b'\x89PNG of nothing')
+    arguments = ['simulate_video', str(source), '--output', str(out), '--rate', '100']
+    assert main(arguments) == 1
+    printed = capsys.readouterr()
+    assert '4 frames in 0.03 s' in printed.out
+    assert '4.png: can not be decoded' in printed.err
+    assert printed.err.count('\n') == 1
+    assert np.load(out)['t'].max() <= 30_000_000
+    (source / '0.png').write_bytes(b'')
+    assert main(arguments) == 2
+    assert 'has no frames that can be decoded' in capsys.readouterr().err
+
+
+def test_a_video_that_is_cut_off_is_read_up_to_there(tmp_path, capfd):
+    whole = tmp_path / 'whole.avi'
+    video = cv2.VideoWriter(str(whole), cv2.VideoWriter_fourcc(*'MJPG'), 25.0, (40, 24), False)
+    for k in range(20):
+        video.write(np.rint(blob(3 + 2 * k)).astype(np.uint8))
+    video.release()
+    octets = whole.read_bytes()
+    (tmp_path / 'cut.avi').write_bytes(octets[: len(octets) * 3 // 4])
+    out = tmp_path / 'e.npz'
+    assert main(['simulate_video', str(tmp_path / 'cut.avi'), '--output', str(out)]) == 1
+    assert 'of 20 frames; what comes before it was read' in capfd.readouterr().err
+    assert np.load(out)['t'].size > 0
+
+
 def test_flow_moves_a_spot_where_a_blend_would_show_it_twice():
     ends = [(0, blob(12.0)), (1000, blob(18.0))]
     stamps, pictures = zip(*interpolated(iter(ends), 3), strict=True)

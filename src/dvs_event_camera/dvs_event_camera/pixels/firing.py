@@ -241,6 +241,7 @@ class ImperfectFiring:
     ) -> tuple[int, int, int]:
         """Events of some pixels; see `Firing.fire`."""
         state = self._state
+        thresholds = slice(None) if state.own_thresholds else slice(1)
         done: tuple[int, int, int] = self._kernels.fire_imperfect(
             place,
             found,
@@ -251,8 +252,8 @@ class ImperfectFiring:
             state.ladder,
             state.on,
             state.off,
-            state.on_thresholds,
-            state.off_thresholds,
+            state.on_thresholds[thresholds],
+            state.off_thresholds[thresholds],
             state.refractory_ns,
             state.ready_ns,
             state.shots.pixel,

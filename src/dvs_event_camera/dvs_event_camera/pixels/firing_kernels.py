@@ -12,6 +12,8 @@ from dvs_event_camera.pixels.event_flood import MOST_STEPS as _MOST_STEPS
 _NEVER = np.iinfo(np.int64).max // 4
 # Keeps a border away from its threshold by far more than a logarithm is rounded.
 _MARGIN = 1e-12
+# Pixels whose state is fetched at a time, into the first-level cache.
+_GROUP = 256
 
 
 @kernel
@@ -211,6 +213,15 @@ def fire_ideal(
 
 
 @kernel
+def _of_group(values: Any, pixels: Any, out: Any) -> None:
+    """Values of some pixels, or the one of all, in a loop whose cache misses overlap."""
+    same = values.size == 1
+    for k in range(pixels.size):
+        # Unsigned, so that no index counts from the end.
+        out[k] = values[np.uint32(0 if same else pixels[k])]
+
+
+@kernel
 def fire_imperfect(
     place: int,
     found: Any,
@@ -250,7 +261,7 @@ def fire_imperfect(
     on, off
         Numbers of ON and OFF events of all pixels, int32; updated in place.
     on_thresholds, off_thresholds
-        Thresholds of all pixels as changes of the level, float64.
+        Thresholds of all pixels as changes of the level, float64; one entry if all are the same.
     refractory_ns
         Refractory period, ns.
     ready_ns
@@ -273,21 +284,32 @@ def fire_imperfect(
     shot = 0
     if shots and place < found.size:
         shot = np.searchsorted(shot_pixel[:shots], found[place])
+    size = min(_GROUP, found.size - place)
+    of_group, ready_of = np.empty((5, size)), np.empty(size, np.int64)
     for k in range(place, found.size):
+        j = (k - place) % size
+        if j == 0:
+            pixels = found[k : k + size]
+            _of_group(origin if ladder else present, pixels, of_group[0])
+            _of_group(on, pixels, of_group[1])
+            _of_group(off, pixels, of_group[2])
+            _of_group(on_thresholds, pixels, of_group[3])
+            _of_group(off_thresholds, pixels, of_group[4])
+            _of_group(ready_ns, pixels, ready_of)
         i = found[k]
         start, end = before[k], now[k]
         rise = end - start
-        theta_on, theta_off = on_thresholds[i], off_thresholds[i]
+        theta_on, theta_off = of_group[3, j], of_group[4, j]
         mean, half = 0.5 * (theta_on + theta_off), 0.5 * (theta_on - theta_off)
-        n_on, n_off, ready_at, written = on[i], off[i], ready_ns[i], used
-        reference = present[i]
+        n_on, n_off, ready_at, written = of_group[1, j], of_group[2, j], ready_of[j], used
+        reference = of_group[0, j]
         clock = 0
         while shot < shots and shot_pixel[shot] < i:
             shot += 1
         first_shot = shot
         while True:
             if ladder:
-                reference = origin[i] + (n_on - n_off) * mean + (n_on + n_off) * half
+                reference = of_group[0, j] + (n_on - n_off) * mean + (n_on + n_off) * half
             upper, lower = reference + theta_on, reference - theta_off
             ready = max(clock, ready_at - start_ns)
             while shot < shots and shot_pixel[shot] == i and shot_when[shot] < ready:
@@ -327,7 +349,9 @@ def fire_imperfect(
                 reference = start + rise * (when / duration_ns)
             clock = when
             ready_at = start_ns + clock + max(refractory_ns, 1 if is_shot else 0)
-        on[i], off[i], ready_ns[i], present[i], used = n_on, n_off, ready_at, reference, written
+        on[i], off[i], ready_ns[i], used = n_on, n_off, ready_at, written
+        if not ladder:
+            present[i] = reference
         if lower < end < upper:
             edges[0, k], edges[1, k] = _inside(lower, -1.0), _inside(upper, 1.0)
         else:

@@ -53,6 +53,7 @@ class ImperfectState:
         drawn = 1.0 + spread * rng.standard_normal((2, size)) if spread else np.ones((2, size))
         drawn = np.maximum(drawn, _SMALLEST_THRESHOLD)
         self.on_thresholds, self.off_thresholds = on_step * drawn[0], off_step * drawn[1]
+        self.own_thresholds = spread > 0
         # The distance of both thresholds from the reference, where it is the same everywhere.
         self.half_width = None if spread or on_step != off_step else on_step
         self.refractory_ns = as_nanoseconds(imperfections.refractory_period)

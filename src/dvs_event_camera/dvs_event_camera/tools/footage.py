@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import importlib
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,12 +17,16 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
+from dvs_common.wire.cdr import MessageError
+from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.streams.image_source import LuminosityFrame, decode_picture
 
 PICTURES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
 VIDEOS = ('.mp4', '.avi', '.mkv', '.mov', '.webm', '.mpg', '.mpeg', '.m4v')
 # Lists of stamps that come with pictures: rpg_esim (ns and file name), rpg_vid2e (seconds).
 _CSV, _TIMES = 'images.csv', 'timestamps.txt'
+# Some containers do not count their frames; OpenCV makes an estimate from the duration.
+_WHOLE = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +36,7 @@ class Footage:
     Parameters
     ----------
     frames
-        Grey pictures, shape (height, width) each.
+        Grey pictures, shape (height, width) each; a `DamagedFile` where one can't be decoded.
     count
         Number of pictures, 0 if it is not known.
     rate
@@ -163,7 +168,11 @@ def _check(path: Path, stamps: tuple[int, ...], pictures: int) -> None:
 
 
 def _decoded(pictures: list[Path]) -> Iterator[NDArray[Any]]:
-    return (_grey(decode_picture(picture.read_bytes())) for picture in pictures)
+    for picture in pictures:
+        try:
+            yield _grey(decode_picture(picture.read_bytes()))
+        except (OSError, MessageError) as error:
+            raise DamagedFile(picture, f'can not be decoded ({error})') from None
 
 
 def _grey(picture: LuminosityFrame) -> NDArray[Any]:
@@ -184,17 +193,20 @@ def _video(path: Path) -> Footage:
     if not video.isOpened():
         raise ParameterError('source', path, 'can not be opened as a video')
     rate = float(video.get(cv2.CAP_PROP_FPS))
+    count = max(0, int(video.get(cv2.CAP_PROP_FRAME_COUNT)))
     return Footage(
-        frames=_read_video(cv2, video),
-        count=max(0, int(video.get(cv2.CAP_PROP_FRAME_COUNT))),
+        frames=_read_video(cv2, video, path, count),
+        count=count,
         rate=rate if 0 < rate <= NANOSECONDS else None,
     )
 
 
-def _read_video(cv2: Any, video: Any) -> Iterator[NDArray[Any]]:
+def _read_video(cv2: Any, video: Any, path: Path, count: int) -> Iterator[NDArray[Any]]:
     try:
-        while True:
+        for number in itertools.count():
             found, frame = video.read()
+            if not found and number < _WHOLE * count:
+                raise DamagedFile(path, f'ends after {number} of {count} frames')
             if not found:
                 return
             yield frame if frame.ndim == 2 else np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))

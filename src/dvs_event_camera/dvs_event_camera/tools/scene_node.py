@@ -23,6 +23,7 @@ from dvs_common.program import StopSignal
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.messages import pack_image
+from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.tools.footage import open_footage
 from dvs_event_camera.tools.scenes import SCENES, Scene, synthetic_frames
 
@@ -242,4 +243,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ParameterError, MessageError) as error:
         print(f'cannot start: {error}', file=sys.stderr)
         return _USAGE_ERROR
+    except DamagedFile as error:
+        print(f'scene: {error}', file=sys.stderr)
+        return error.exit_code
     return 0

@@ -22,6 +22,7 @@ from dvs_common.scenario.parameter_file import read_parameter_file
 from dvs_common.scenario.presets import PRESETS
 from dvs_common.scenario.scenario import Scenario
 from dvs_event_camera.event_camera import EventCamera
+from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.writers import LazyWriter, format_of
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 from dvs_event_camera.streams.image_source import LuminosityFrame, darkest_of
@@ -75,6 +76,8 @@ def run(options: argparse.Namespace) -> int:
 
     Raises
     ------
+    DamagedFile
+        At the end, if not all frames could be decoded.
     ParameterError
         If an option makes no sense or a file can't be read.
     """
@@ -93,24 +96,33 @@ def run(options: argparse.Namespace) -> int:
     began = time.perf_counter()
     writer: LazyWriter | None = None
     preview: _Preview | None = None
-    for stamp_ns, frame in _frames(footage, options):
-        writer = writer or _writer(output, name, frame)
-        preview = preview or _Preview.of(options, footage, frame)
-        exposure = camera.take(
-            LuminosityFrame(stamp_ns=stamp_ns, pixels=frame, darkest=darkest_of(frame.dtype))
-        )
-        if exposure is None:
-            continue
-        if exposure.restart_reason:
-            tqdm.write(f'started again: {exposure.restart_reason}', file=sys.stderr)
-        writer.add(
-            _sensor_events(exposure.events, frame.shape[1], labelled=scenario.camera.label_noise)
-        )
-        tally.add(stamp_ns, exposure.events)
-        if preview is not None:
-            preview.add(exposure.events, stamp_ns)
+    damage: DamagedFile | None = None
+    try:
+        for stamp_ns, frame in _frames(footage, options):
+            writer = writer or _writer(output, name, frame)
+            preview = preview or _Preview.of(options, footage, frame)
+            exposure = camera.take(
+                LuminosityFrame(stamp_ns=stamp_ns, pixels=frame, darkest=darkest_of(frame.dtype))
+            )
+            if exposure is None:
+                continue
+            if exposure.restart_reason:
+                tqdm.write(f'started again: {exposure.restart_reason}', file=sys.stderr)
+            writer.add(
+                _sensor_events(
+                    exposure.events, frame.shape[1], labelled=scenario.camera.label_noise
+                )
+            )
+            tally.add(stamp_ns, exposure.events)
+            if preview is not None:
+                preview.add(exposure.events, stamp_ns)
+    except DamagedFile as error:
+        damage = error
     if writer is None:
-        raise ParameterError('source', options.source, 'has no frames that can be decoded')
+        reason = f': {damage.reason}' if damage else ''
+        raise ParameterError(
+            'source', options.source, f'has no frames that can be decoded{reason}'
+        )
     writer.close()
     if preview is not None:
         preview.close()
@@ -118,6 +130,8 @@ def run(options: argparse.Namespace) -> int:
         _draw_rates(options.figure, tally)
     print(tally.summary(time.perf_counter() - began))
     print(f'events: {output}')
+    if damage:
+        raise damage
     return 0
 
 
