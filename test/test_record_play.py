@@ -235,10 +235,11 @@ def test_streams_on_demand_are_recorded_by_name(domain, processes, tmp_path):
     assert found == {f'/{name}' for name in named}
 
 
-def test_play_ends_on_ctrl_c(domain, processes, tmp_path):
+@pytest.mark.parametrize('waits', [[], ['--wait']])
+def test_play_waits_for_who_listens_and_ends_on_ctrl_c(waits, domain, processes, tmp_path):
     with BagWriter(tmp_path / 'bag', {topics.CLOCK: 'rosgraph_msgs/msg/Clock'}) as bag:
         bag.write(topics.CLOCK, 0, pack_clock(0))
-    player = start('dvs_closed_loop', domain, ['play', str(tmp_path / 'bag'), '--wait'])
+    player = start('dvs_closed_loop', domain, ['play', str(tmp_path / 'bag'), *waits])
     processes.append(player)
     lines_until(player, ['waiting for subscribers of /clock'])
 
@@ -247,6 +248,18 @@ def test_play_ends_on_ctrl_c(domain, processes, tmp_path):
     assert code == 0, output
     assert 'Traceback' not in output
     assert '0 of 1 messages played' in output
+
+
+def test_play_begins_at_once_where_it_is_told_to(domain, processes, tmp_path):
+    with BagWriter(tmp_path / 'bag', {topics.CLOCK: 'rosgraph_msgs/msg/Clock'}) as bag:
+        bag.write(topics.CLOCK, 0, pack_clock(0))
+    player = start('dvs_closed_loop', domain, ['play', str(tmp_path / 'bag'), '--no-wait'])
+    processes.append(player)
+
+    output, _ = player.communicate(timeout=60)
+
+    assert player.returncode == 0, output
+    assert '1 of 1 messages played' in output
 
 
 def test_a_file_of_a_sensor_is_played_as_our_events(domain, processes, tmp_path):

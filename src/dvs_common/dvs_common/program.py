@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import select
 import signal
 import sys
@@ -48,6 +49,7 @@ def run_program(module: str) -> int:
     """
     _handle(_leave)
     _let_warnings_be_warnings()
+    _let_numba_have_a_thread()
     try:
         main = import_module(module).main
         _handle(_interrupt)
@@ -109,6 +111,17 @@ def _let_warnings_be_warnings() -> None:
     if any(option.startswith('error') for option in sys.warnoptions):
         os.environ['PYTHONWARNINGS'] = 'default'
         warnings.simplefilter('default')
+
+
+def _let_numba_have_a_thread() -> None:
+    """Leave out a NUMBA_NUM_THREADS below 1, with which numba cannot be imported."""
+    wanted = os.environ.get('NUMBA_NUM_THREADS', '')
+    if re.fullmatch(r'\s*([+-]?0+|-\d+)\s*', wanted):
+        del os.environ['NUMBA_NUM_THREADS']
+        print(
+            f'{_program()}: NUMBA_NUM_THREADS={wanted} is left out: it must be at least 1',
+            file=sys.stderr,
+        )
 
 
 def _program() -> str:

@@ -38,6 +38,21 @@ def test_a_warning_of_a_library_ends_no_program_whatever_python_is_told(wanted, 
     assert 'DeprecationWarning: old' in result.stderr
 
 
+@pytest.mark.parametrize(
+    ('wanted', 'left'), [('0', None), ('-2', None), ('4', '4'), ('many', 'many')]
+)
+def test_a_number_of_threads_that_numba_can_not_start_with_is_left_out(wanted, left, tmp_path):
+    (tmp_path / 'tells.py').write_text(
+        'import os\ndef main():\n    print(os.environ.get("NUMBA_NUM_THREADS"))\n    return 0\n'
+    )
+
+    result = run('tells', tmp_path, NUMBA_NUM_THREADS=wanted)
+
+    assert (result.returncode, result.stdout) == (0, f'{left}\n')
+    line = f'tool: NUMBA_NUM_THREADS={wanted} is left out: it must be at least 1\n'
+    assert result.stderr == ('' if left else line)
+
+
 def test_a_package_that_is_not_installed_is_named_in_one_line(tmp_path):
     (tmp_path / 'at_once.py').write_text('import not_installed.part\n')
     (tmp_path / 'later.py').write_text('def main():\n    import not_installed\n')

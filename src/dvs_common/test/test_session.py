@@ -1,5 +1,9 @@
 """ROS is entered in one way: what is set around it is checked before."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from dvs_common.errors import ParameterError
@@ -32,6 +36,32 @@ def test_a_loop_whose_nodes_can_not_find_each_other_is_refused(text, monkeypatch
 
     with pytest.raises(ParameterError, match='lets no node find another'):
         require_discovery()
+
+
+@pytest.mark.parametrize(
+    'variables',
+    [
+        {'ROS_LOG_DIR': '/proc/no/such/folder'},
+        {'ROS_HOME': '/proc/no/such/folder'},
+        {'HOME': '/proc/no/such/folder'},
+        {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'},
+    ],
+    ids=lambda variables: next(iter(variables)),
+)
+def test_the_variable_that_keeps_ros_from_starting_is_named(variables):
+    code = (
+        'from dvs_common.errors import ParameterError\n'
+        'from dvs_common.node.session import ros_session\n'
+        'try:\n    with ros_session(): pass\n'
+        'except ParameterError as error: print(error)\n'
+    )
+    outside = {k: v for k, v in os.environ.items() if not k.startswith(('ROS_LO', 'ROS_HO'))}
+    found = subprocess.run(
+        [sys.executable, '-c', code], env=outside | variables, capture_output=True, text=True
+    )
+
+    name, value = next(iter(variables.items()))
+    assert found.stdout.startswith(f'{name} = {value}: '), found.stderr
 
 
 def test_arguments_that_ros_refuses_are_told():

@@ -188,6 +188,21 @@ def test_scene_to_camera_to_table(graph, tmp_path):
     assert set(columns[:, 3]) == {0, 1}
 
 
+def test_scene_waits_for_who_sees_it_so_that_its_first_picture_is_not_lost(graph):
+    scene = graph.start('tools.scene_node', 'grating', '--size', '2x3', '--frames', '5')
+    graph.turn_until(lambda: graph.node.count_publishers('luminosity') > 0)
+    graph.turn_for(0.5)
+    seen = graph.hear(Image, 'luminosity', topics.stream_qos())
+    code, _, err = scene.wait()
+    graph.turn_until(lambda: len(seen) == 5)
+    assert code == 0, err
+
+
+def test_scene_begins_at_once_where_it_is_told_to(graph):
+    code, _, err = graph.start('tools.scene_node', '--frames', '3', '--no-wait').wait()
+    assert code == 0, err
+
+
 def driver_packet(sequence, x, y, stamp_ns, t_ns=None):
     """A `mono` packet of a driver with one event a given pixel."""
     events = SensorEvents(

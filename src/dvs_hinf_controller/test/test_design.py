@@ -28,7 +28,7 @@ from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis.methods import ENTRY_POINTS, METHODS
 from dvs_hinf_controller.synthesis.options import DesignOptions
-from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
+from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
 Make = Callable[..., DesignProblem]
 JSON_KEYS = [
@@ -377,6 +377,30 @@ def test_a_design_in_a_folder_is_called_after_its_scenario(
     (tmp_path / 'file').write_text('')
     assert main([*arguments, '--output', str(tmp_path / 'file' / 'folder')]) == 2
     assert "can't be made: Not a directory" in capsys.readouterr().err
+
+
+def test_a_comparison_shows_what_works_and_why_the_rest_does_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Fails:
+        name = 'fails'
+
+        def synthesize(self, problem: DesignProblem, options: DesignOptions) -> LinearController:
+            raise SynthesisError(Assumption.CONFIRMATION, 'the moon is in the wrong quarter')
+
+    monkeypatch.setitem(METHODS, 'fails', Fails())
+    first_order = tmp_path / 'first_order.yaml'
+    first_order.write_text(
+        '/**: {ros__parameters: {state_matrix: [1.0], input_matrix: [1.0], output_vector: [1.0],'
+        ' pixel_offsets: [1.0], pixel_grid: [1, 1], initial_state: [0.1], set_point: [0.0]}}\n'
+    )
+
+    assert main(['--params-file', str(first_order), '--compare', '--json']) == 0
+
+    told = capsys.readouterr()
+    assert {design['method'] for design in json.loads(told.out)} >= {'unstructured', 'certified'}
+    assert 'fails: ' in told.err
+    assert 'the moon is in the wrong quarter' in told.err
 
 
 def test_a_comparison_saves_no_design(params_file: Path, tmp_path: Path) -> None:

@@ -114,3 +114,17 @@ def test_certified_is_never_worse_than_another_method(problem_of, a, b, c) -> No
     }
 
     assert thresholds['certified'] >= 0.999 * max(thresholds.values()) > 0
+
+
+def test_a_plant_of_many_states_has_a_certified_design(problem_of) -> None:
+    """Ten states that pull at each other, two inputs, one pixel."""
+    generator = np.random.default_rng(5)
+    a = generator.normal(size=(10, 10)) / np.sqrt(10)
+    problem = problem_of(model(a, generator.normal(size=(10, 2)), generator.normal(size=10)))
+    thresholds = {
+        method: design_controller(problem, method=method).figures.h_certified
+        for method in ('unstructured', 'structured', 'certified')
+    }
+
+    assert np.linalg.eigvals(a).real.max() > 0.4
+    assert thresholds['certified'] >= max(thresholds.values()) > 0

@@ -43,8 +43,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--topics', nargs='+', metavar='TOPIC', help='topics of the wire contract (default: all)'
     )
-    parser.add_argument(
-        '--wait', action='store_true', help='begin when every played topic has a subscriber'
+    waiting = parser.add_mutually_exclusive_group()
+    waiting.add_argument(
+        '--wait',
+        action='store_true',
+        help='begin when every played topic has a subscriber (default: when one has)',
+    )
+    waiting.add_argument(
+        '--no-wait', action='store_true', help='begin before any topic has a subscriber'
     )
     parser.add_argument(
         '--delay', type=float, default=0.0, help='seconds to wait before the first message'
@@ -99,8 +105,8 @@ def run(options: argparse.Namespace) -> int:
             topic: _publisher(tool, STREAMS[topic], bag)
             for topic in sorted({message.topic for message in bag.messages})
         }
-        if options.wait:
-            wait_for_subscribers(tool, publishers)
+        if not options.no_wait:
+            wait_for_subscribers(tool, publishers, every_topic=options.wait)
         tool.spin(max(_SETTLE_S, options.delay))
         sent = _play(bag, publishers, tool, options.rate)
         let_arrive(publishers, tool)

@@ -62,8 +62,10 @@ def play_recording(options: argparse.Namespace) -> int:
         publishers = {
             name: _publisher(tool, name) for name in (topics.EVENTS, topics.EVENTS_LABEL)
         }
-        if options.wait:
-            wait_for_subscribers(tool, {topics.EVENTS: publishers[topics.EVENTS]})
+        if not options.no_wait:
+            wait_for_subscribers(
+                tool, {topics.EVENTS: publishers[topics.EVENTS]}, every_topic=options.wait
+            )
         tool.spin(max(_SETTLE_S, options.delay))
         events, damage = 0, None
         try:

@@ -19,8 +19,10 @@ _SHORTEST_PAUSE_S = 2e-4
 _LAST_WORDS_S = 5
 
 
-def wait_for_subscribers(tool: Tool, publishers: dict[str, Publisher]) -> None:
-    """Wait until every topic has a subscriber.
+def wait_for_subscribers(
+    tool: Tool, publishers: dict[str, Publisher], *, every_topic: bool
+) -> None:
+    """Wait until a topic has a subscriber, or every one has.
 
     Parameters
     ----------
@@ -28,11 +30,13 @@ def wait_for_subscribers(tool: Tool, publishers: dict[str, Publisher]) -> None:
         Node of the tool.
     publishers
         Publishers by topic.
+    every_topic
+        Whether to wait for subscribers of all of them.
     """
     said_at = time.monotonic() + _NAME_MISSING_AFTER_S
     while not tool.stop.received:
         lonely = [t for t, p in publishers.items() if not p.get_subscription_count()]
-        if not lonely:
+        if not lonely or (len(lonely) < len(publishers) and not every_topic):
             return
         if time.monotonic() > said_at:
             print(f'waiting for subscribers of {", ".join(lonely)}', file=sys.stderr, flush=True)

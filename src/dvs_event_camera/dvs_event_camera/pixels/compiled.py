@@ -20,7 +20,7 @@ def kernels() -> Any | None:
         if importlib.import_module('numba').config.DISABLE_JIT:
             return None
         return importlib.import_module('dvs_event_camera.pixels.pixel_kernels')
-    except (ImportError, RuntimeError):
+    except (ImportError, RuntimeError, ValueError):  # the last by NUMBA_NUM_THREADS=0
         return None
 
 

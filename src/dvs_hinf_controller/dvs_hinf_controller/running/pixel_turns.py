@@ -71,6 +71,6 @@ def kernels_for(events: int) -> Any | None:
 def _kernels() -> Any | None:
     try:
         return importlib.import_module('dvs_hinf_controller.running.interval_kernels')
-    except (ImportError, RuntimeError):
-        # Without numba, or without a place for its cache.
+    except (ImportError, RuntimeError, ValueError):
+        # Without numba or a place for its cache, or with NUMBA_NUM_THREADS=0.
         return None
