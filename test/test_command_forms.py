@@ -28,3 +28,19 @@ def test_a_loop_sends_its_command_as_a_wrench_and_counts_what_was_limited(domain
     assert any(forces)
     assert max(map(abs, forces)) <= 5.5
     assert not any(wrench.torque.x or wrench.force.y for wrench in wrenches)
+
+
+def test_each_form_has_the_topic_and_type_of_its_readers(domain, processes):
+    forms = {'array': ('commands', 'Float64MultiArray'), 'linear.x': ('cmd_vel', 'Twist')}
+    for number, form in enumerate(forms):
+        arguments = [*ros_arguments({'command_copy': form}), '-r', f'__ns:=/loop{number}']
+        processes.append(start('hinf_controller', domain, arguments))
+    with operating(domain) as operator:
+
+        def offered():
+            return dict(operator.node.get_topic_names_and_types())
+
+        for number, (topic, kind) in enumerate(forms.values()):
+            name = f'/loop{number}/{topic}'
+            assert operator.spin_until(lambda name=name: name in offered())
+            assert offered()[name][0].endswith(f'/msg/{kind}')
