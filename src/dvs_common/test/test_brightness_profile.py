@@ -136,6 +136,7 @@ def test_a_function_comes_from_a_file_or_from_a_module(tmp_path):
         ('none.csv', None, (), 'cannot be read: No such file'),
         ('a.csv', '0,1\n1,2,3\n', (), 'a position and a luminosity in line 2'),
         ('a.csv', '0,1\nx,2\n', (), 'a position and a luminosity in line 2'),
+        ('a.csv', 'x,y\na,b\n', (), 'a position and a luminosity in line 2'),
         ('a.csv', '', (), 'at least two positions'),
         ('a.csv', '0,1\n1,2\n', (0.0, 1.0), 'profile_range .* is not for a table'),
         ('a.png', 'no picture', (0.0, 1.0), 'can not be read as a picture'),
@@ -179,6 +180,26 @@ def test_a_path_with_a_dot_is_relative_to_the_parameter_file(tmp_path):
 
     assert seen(scenario) == pytest.approx(seen(straight) + 10)
     assert scenario.linearisation.slope == pytest.approx(1)
+
+
+def test_a_loaded_scenario_carries_its_profile_with_every_digit(tmp_path):
+    rng = np.random.default_rng(1)
+    rows = np.column_stack([np.cumsum(rng.uniform(0.1, 1, 9)) - 1, rng.uniform(1, 2, 9)])
+    np.savetxt(tmp_path / 'wall.csv', rows, fmt='%.17g')
+    file = tmp_path / 'plant.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    brightness_profile: ./wall.csv\n')
+    scenario = load_scenario(file)
+    (tmp_path / 'wall.csv').unlink()
+
+    again = Scenario.from_values(dict(scenario.values)).scene.profile
+    np.testing.assert_array_equal(again.positions, rows[:, 0])
+    np.testing.assert_array_equal(again.luminosities, rows[:, 1])
+
+
+@pytest.mark.parametrize('text', ['knots ', 'knots 1', 'knots 1 2; 0 3', 'knots 1 2; x y'])
+def test_knots_that_do_not_fit_are_refused(text):
+    with pytest.raises(ParameterError, match='brightness_profile'):
+        read_profile(text)
 
 
 def test_without_a_profile_luminosity_is_the_straight_line_itself():

@@ -1,4 +1,4 @@
-"""Where a brightness profile comes from: a table, a picture or a function."""
+"""Where a brightness profile comes from: a table, a picture or a function; and it as text."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ PICTURES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.
 # Averages of a picture's columns: a pixel sees an area, and one grey value is no slope.
 _STRETCHES = 32
 _FUNCTION_KNOTS = 257
+# What a profile begins with that is no file but the knots themselves.
+_KNOTS = 'knots '
 _DEEP_MODES = ('I', 'I;16', 'I;16B', 'I;16L')
 
 
@@ -31,7 +33,7 @@ def read_profile(source: str, between: tuple[float, ...] = ()) -> BrightnessProf
     source
         Table with two columns, position and luminosity; or picture, its columns spread evenly
         over the range; or ``FILE.py:FUNCTION`` or ``module:function``, from an array of positions
-        to one of luminosities.
+        to one of luminosities; or what `as_text` returns.
     between
         Range of ``c'(x + dx)`` that a picture or function covers, two numbers.
 
@@ -40,6 +42,8 @@ def read_profile(source: str, between: tuple[float, ...] = ()) -> BrightnessProf
     ParameterError
         If it can't be read or is no profile.
     """
+    if source.startswith(_KNOTS):
+        return _of_lines(source[:32], source.removeprefix(_KNOTS).split(';'))
     suffix = Path(source).suffix.lower()
     if suffix in TABLES:
         if between:
@@ -61,18 +65,34 @@ def read_profile(source: str, between: tuple[float, ...] = ()) -> BrightnessProf
     return (_of_picture if suffix in PICTURES else _of_function)(source, *between)
 
 
+def as_text(profile: BrightnessProfile) -> str:
+    """Value of `brightness_profile` that needs no file: the knots with every digit.
+
+    Parameters
+    ----------
+    profile
+        What to write.
+    """
+    pairs = zip(profile.positions.tolist(), profile.luminosities.tolist(), strict=True)
+    return _KNOTS + '; '.join(f'{position!r} {luminosity!r}' for position, luminosity in pairs)
+
+
 def _refusal(source: object, rule: str) -> ParameterError:
     return ParameterError('brightness_profile', source, rule)
 
 
 def _of_table(path: Path) -> BrightnessProfile:
     try:
-        lines = path.read_text(encoding='utf-8').splitlines()
+        return _of_lines(path, path.read_text(encoding='utf-8').splitlines())
     except OSError as error:
         raise _refusal(path, f'cannot be read: {error.strerror}') from None
     except UnicodeDecodeError:
         raise _refusal(path, 'is not text') from None
+
+
+def _of_lines(source: object, lines: list[str]) -> BrightnessProfile:
     rows: list[list[float]] = []
+    may_be_heading = True
     for number, line in enumerate(lines, start=1):
         words = re.split(r'[,;\s]+', line.partition('#')[0].strip())
         if words == ['']:
@@ -80,11 +100,13 @@ def _of_table(path: Path) -> BrightnessProfile:
         try:
             row = [float(word) for word in words]
         except ValueError:
-            if not rows and len(words) == 2:
+            if may_be_heading and len(words) == 2:
+                may_be_heading = False
                 continue
             row = []
+        may_be_heading = False
         if len(row) != 2:
-            raise _refusal(path, f'must have a position and a luminosity in line {number}')
+            raise _refusal(source, f'must have a position and a luminosity in line {number}')
         rows.append(row)
     table = np.array(rows, np.float64).reshape(-1, 2)
     return BrightnessProfile(positions=table[:, 0], luminosities=table[:, 1])

@@ -17,7 +17,8 @@ class ProfileParameters(ParameterGroup):
         '',
         "Luminosity over c'(x + dx), where it is not that itself: a table of two columns (.csv), "
         'a picture (.png ...), FILE.py:FUNCTION or module:function. Tools take a path that begins '
-        'with a dot as relative to the parameter file. Empty: the straight line of the paper',
+        'with a dot as relative to the parameter file and hand on "knots S Y; S Y; ...". Empty: '
+        'the straight line of the paper',
         nodes=(PLANT, CONTROLLER),
     )
     profile_range: tuple[float, ...] = parameter(

@@ -15,7 +15,7 @@ from dvs_common.scenario.brightness_profile import Linearisation
 from dvs_common.scenario.loop_file import read_loop_values
 from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
 from dvs_common.scenario.parameters import Parameters
-from dvs_common.scenario.profile_file import read_profile
+from dvs_common.scenario.profile_file import as_text, read_profile
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 
 
@@ -371,7 +371,7 @@ class Scenario(Parameters):
 def load_scenario(
     path: str | Path, *, namespace: str | None = None, node: str | None = None
 ) -> Scenario:
-    """Scenario of a ROS 2 parameter file.
+    """Scenario of a ROS 2 parameter file, with the knots of a brightness profile in its place.
 
     Parameters
     ----------
@@ -387,10 +387,13 @@ def load_scenario(
     ------
     ParameterError
         If the file can't be read, is no parameter file, has a key that matches no node of the
-        loop, names an unknown parameter, or a value breaks its rule.
+        loop, names an unknown parameter, or a value breaks its rule; or its brightness_profile
+        can't be read.
     """
     values = read_loop_values(path, namespace).merged(node)
     profile = values.get('brightness_profile')
     if isinstance(profile, str) and profile.startswith(('./', '../')):
         values['brightness_profile'] = str((Path(path).parent / profile).resolve())
-    return Scenario.from_values(values)
+    scenario = Scenario.from_values(values)
+    read = scenario.scene.profile if profile else None
+    return scenario if read is None else scenario.replace(brightness_profile=as_text(read))
