@@ -345,7 +345,6 @@ def test_groups_that_are_all_the_first_are_one_group():
     ('values', 'part', 'reason'),
     [
         ({'pixel_groups': [0, 2]}, 'model', r'^pixel_groups = .* every group from 0 to 2'),
-        ({'brightness_profile': 'a.csv'}, 'scene', r'^brightness_profile = a.csv: .* empty'),
         ({'pixel_groups': [0, 1, 0]}, 'scene', r'^pixel_groups = .* must have 2 entries'),
         ({'output_vector': [1.0, 0.0, 0.5]}, 'model', r'^output_vector = .* must have 2 rows'),
         ({'output_vector': [1.0, 0.0, 0.0, 0.0]}, 'model', '^output_vector = .* not be zero'),

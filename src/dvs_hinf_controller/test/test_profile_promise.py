@@ -117,3 +117,19 @@ def test_light_is_promised_up_to_where_the_steepest_secant_reaches_darkness(stra
     assert (1 + error) * held(straight, low, slope_error=error).output == pytest.approx(
         least, rel=1e-6
     )
+
+
+def test_groups_of_pixels_share_a_profile(tmp_path):
+    rows = {
+        'output_vector': [1.0, 0.0, 0.0, 1.0],
+        'bandwidth_limit': 50.0,
+        'pixel_grid': [1, 4],
+        'pixel_groups': [0, 0, 1, 1],
+        'pixel_offsets': [0.5, 0.0, 0.52, 0.0, 0.0, 0.4, 0.0, 0.42],
+    }
+    straight = design_from_scenario(Scenario.from_values({**BASE, **rows})).figures
+    plain = design_from_scenario(scenario(tmp_path, '3 * s', reference_uncertainty=0.006, **rows))
+    assert plain.problem.scene.groups.tolist() == [0, 0, 1, 1]
+    assert plain.figures.h_certified == pytest.approx(straight.h_certified, rel=2e-3)
+    curved = design_from_scenario(scenario(tmp_path, 's + 0.2 * (s - 0.5)**2', **rows)).figures
+    assert 0.01 < curved.h_certified < straight.h_certified

@@ -6,7 +6,7 @@ designed for it and the exact hybrid automaton runs it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -356,9 +356,6 @@ class PixelScene:
         slope
             Slope of the line that takes the place of the profile.
         """
-        along = slope * float(model.gradient @ np.asarray(state, dtype=np.float64))
-        return PixelScene(
-            brightness_offsets=self.luminosity(model, state) - along,
-            height=self.height,
-            width=self.width,
-        )
+        bare = replace(self, brightness_offsets=np.zeros(self.pixel_count), profile=None)
+        along = slope * bare.positions(model, state)
+        return replace(bare, brightness_offsets=self.luminosity(model, state) - along)

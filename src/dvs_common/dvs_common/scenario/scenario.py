@@ -84,10 +84,6 @@ class Scenario(Parameters):
                 if self[name]:
                     raise ParameterError(name, self[name], 'needs brightness_profile')
             return scene
-        if scene.groups is not None:
-            raise ParameterError(
-                'brightness_profile', given.brightness_profile, 'takes pixel_groups that are empty'
-            )
         profile = read_profile(given.brightness_profile, given.profile_range)
         return replace(scene, profile=profile)
 
