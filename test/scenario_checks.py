@@ -1,4 +1,4 @@
-"""What every lockstep scenario of config/ has to show, whoever runs it."""
+"""What every lockstep scenario of config/ has to show, in every test that runs it."""
 
 import hashlib
 import json
