@@ -230,6 +230,25 @@ def test_a_bag_that_was_cut_off_gives_all_whole_messages(events, tmp_path):
     assert 0 < seen[0] < seen[1] < len(events)
 
 
+def test_a_database_that_was_cut_off_gives_the_messages_before(events, tmp_path):
+    folder = tmp_path / 'bag'
+    write_bag(folder, {'/events': (MESSAGE_TYPE, packets(events, 40))}, storage='SQLITE3')
+    path = next(folder.glob('*.db3'))
+    octets = path.read_bytes()
+    seen = []
+    for size in (len(octets) * 3 // 4, len(octets) * 7 // 8):
+        path.write_bytes(octets[:size])
+        parts = []
+        with pytest.raises(DamagedFile, match='is cut off or damaged'):
+            for stretch in open_recording(path).read():
+                parts.append(stretch.events)
+        found = joined(parts)
+        assert np.array_equal(found.packed(), events.packed()[: len(found)])
+        seen.append(len(found))
+
+    assert 0 < seen[0] < seen[1] < len(events)
+
+
 def test_messages_that_are_broken_are_left_out_and_counted(events, tmp_path):
     messages = packets(events)
     whole = len(joined([part for k, part in enumerate(pieces(events, 6)) if k != 2]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -13,9 +13,12 @@ from dvs_common.errors import ParameterError
 from dvs_event_camera.files.bag_notes import BagNotes, notes_within
 from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.event_array import EVENT_ARRAY, event_array_from_ros1
-from dvs_event_camera.files.mcap_scan import scan_mcap
+from dvs_event_camera.files.mcap_scan import ScannedMessage, scan_mcap
+from dvs_event_camera.files.sqlite_scan import scan_sqlite
 
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+# What reads a file that rosbags refuses.
+_SCANS = {'.mcap': scan_mcap, '.db3': scan_sqlite}
 # What rosbags raises on damaged files, beside its own errors.
 DAMAGE = (OSError, ValueError, TypeError, KeyError, EOFError, AssertionError, struct.error)
 
@@ -93,9 +96,9 @@ def opened_storage(path: Path) -> Storage:
         try:
             return _Ros2Storage(path)
         except (import_module('rosbags.rosbag2').ReaderError, *DAMAGE):
-            if path.suffix != '.mcap':
+            if path.suffix not in _SCANS:
                 raise
-            return _ScannedMcap(path)
+            return _Scanned(path, _SCANS[path.suffix])
     except ImportError as error:
         raise ParameterError('bag', path, f'needs the Python package {error.name}') from None
     except PermissionError as error:
@@ -170,15 +173,15 @@ class _Ros1Storage:
         self._reader.close()
 
 
-class _ScannedMcap:
-    """An MCAP file that rosbags refuses, read record by record."""
+class _Scanned:
+    """A file that rosbags refuses, read message by message."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, scan: Callable[[Path], Iterator[ScannedMessage]]) -> None:
+        self._path, self._scan = path, scan
         self.notes = notes_within(path)
         found = set()
         try:
-            for message in scan_mcap(path):
+            for message in scan(path):
                 found.add(BagTopic(name=message.topic, type_name=message.type_name))
         except ValueError:
             if not found:
@@ -188,7 +191,7 @@ class _ScannedMcap:
     def messages(self, names: Collection[str] | None) -> Iterator[BagMessage]:
         """Messages; see `Storage.messages`."""
         try:
-            for message in scan_mcap(self._path):
+            for message in self._scan(self._path):
                 if names is None or message.topic in names:
                     yield BagMessage(
                         topic=BagTopic(name=message.topic, type_name=message.type_name),

@@ -116,7 +116,7 @@ def _stretches(path: Path) -> Iterator[Stretch]:
 
 def _reason(error: Exception) -> str:
     text = str(error)
-    if 'filter' in text or 'plugin' in text:
+    if 'required filter' in text or 'plugin' in text:
         return f'is compressed by a filter that h5py lacks ({text}); try pip install hdf5plugin'
     return f'is damaged: {text}'
 
