@@ -8,6 +8,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 from test_kill_rounds import ROUNDING, Rounds
 
 from dvs_common.wire import topics
+from dvs_common.wire.events import parse_events
 
 KINDS = {
     'luminosity': Image,
@@ -22,14 +23,21 @@ SOURCES = {
     'hinf_controller': ('command',),
 }
 SHARE = 0.002
-# Keyframes are rare.
+# Keyframes are rare, and so are packets with events in them.
 KEYFRAME_SHARE = 0.3
+EVENTS_SHARE = 0.1
 
 
 def qos_of(topic, mode):
     if topic == 'keyframe':
         return topics.latched_qos(depth=1)
     return topics.stream_qos() if topic == 'luminosity' else topics.handshake_qos(mode)
+
+
+def share_of(topic, message):
+    if topic == 'events' and len(parse_events(message).events):
+        return EVENTS_SHARE
+    return KEYFRAME_SHARE if topic == 'keyframe' else SHARE
 
 
 class Relay:
@@ -46,12 +54,11 @@ class Relay:
 
     def _carry(self, node, kind, topic, qos, publisher):
         held = []
-        share = KEYFRAME_SHARE if topic == 'keyframe' else SHARE
 
         def take(message):
             waiting = held[:]
             held.clear()
-            if self.is_quiet or self._random.random() > share:
+            if self.is_quiet or self._random.random() > share_of(topic, message):
                 copies = [message]
             else:
                 self.disturbed += 1

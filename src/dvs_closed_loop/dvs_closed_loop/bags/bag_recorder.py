@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -13,7 +14,7 @@ from rclpy.subscription import Subscription
 from dvs_closed_loop.bags.recording import BagFullError, BagWriter
 from dvs_closed_loop.bags.streams import Stream
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.node.source_time import WithSourceTime
+from dvs_common.node.message_information import WithInformation, publication_ns
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
@@ -85,7 +86,7 @@ class BagRecorder:
         self._subscriptions[stream] = self._node.create_subscription(
             stream.message_type,
             stream.topic,
-            WithSourceTime(self._keeper(stream)),
+            WithInformation(self._keeper(stream)),
             qos,
             raw=True,
             event_callbacks=_NO_EVENTS,
@@ -113,16 +114,18 @@ class BagRecorder:
         except BagFullError as error:
             self.failure = error
 
-    def _keeper(self, stream: Stream) -> Callable[[bytes, int | None], None]:
+    def _keeper(self, stream: Stream) -> Callable[[bytes, Mapping[str, Any]], None]:
         name = self._node.resolve_topic_name(stream.topic)
 
-        def keep(message: bytes, published_ns: int | None) -> None:
+        def keep(message: bytes, information: Mapping[str, Any]) -> None:
             if self.failure is not None:
                 return
             # Readers of an MCAP file without an index want times that never go back.
             self._last_ns = max(self._last_ns, time.time_ns())
             try:
-                self._bag.write(name, self._last_ns, message, published_ns=published_ns)
+                self._bag.write(
+                    name, self._last_ns, message, published_ns=publication_ns(information)
+                )
             except BagFullError as error:
                 self.failure = error
                 return

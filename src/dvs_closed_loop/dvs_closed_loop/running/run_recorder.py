@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -11,7 +12,7 @@ from rclpy.qos import QoSProfile
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.node.source_time import WithSourceTime
+from dvs_common.node.message_information import WithInformation, publication_ns
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import parse_events
@@ -94,20 +95,22 @@ class RunRecorder:
             topic: node.create_subscription(
                 STREAMS[topic].message_type,
                 topic,
-                WithSourceTime(self._keeper(topic)),
+                WithInformation(self._keeper(topic)),
                 _qos(topic, mode),
                 raw=True,
             )
             for topic in RECORDED
         }
 
-    def _keeper(self, topic: str) -> Callable[[bytes, int | None], None]:
+    def _keeper(self, topic: str) -> Callable[[bytes, Mapping[str, Any]], None]:
         messages = self.messages[topic]
 
-        def keep(message: bytes, published_ns: int | None) -> None:
+        def keep(message: bytes, information: Mapping[str, Any]) -> None:
             if messages and message == messages[-1] and topic in _SENT_AGAIN:
                 return
-            self._bag.write(topic, time.time_ns(), message, published_ns=published_ns)
+            self._bag.write(
+                topic, time.time_ns(), message, published_ns=publication_ns(information)
+            )
             try:
                 events = _READ[topic](message) if topic in _READ else 0
             except MessageError as error:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.timer import Timer
 
 from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.node.demanded_publisher import DemandedPublisher
+from dvs_common.node.message_information import Arrivals, WithInformation
 from dvs_common.node.parameter_node import ParameterNode
 from dvs_common.node.token_publisher import TokenPublisher
 from dvs_common.scenario.schema import ParameterSpec
@@ -140,10 +140,15 @@ class StreamNode(ParameterNode):
         qos
             Quality of service.
         """
+        arrivals = Arrivals()
 
-        def guarded(message: bytes) -> None:
+        def guarded(message: bytes, information: Mapping[str, Any]) -> None:
+            missed = arrivals.missed_before(information)
             if not self.is_active:
                 return
+            # The numbers of several publishers have nothing to do with each other.
+            if missed and subscription.get_publisher_count() == 1:
+                self.lost_messages += missed
             self._heard_s[topic] = time.monotonic()
             try:
                 handler(message)
@@ -153,12 +158,7 @@ class StreamNode(ParameterNode):
                 self._reject(topic, f'unexpected error:\n{traceback.format_exc()}')
 
         subscription = self.create_subscription(
-            message_type,
-            topic,
-            guarded,
-            qos,
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
+            message_type, topic, WithInformation(guarded), qos, raw=True
         )
         self._entities.append((self.destroy_subscription, subscription))
 
@@ -184,9 +184,6 @@ class StreamNode(ParameterNode):
                 ghost = '' if len(set(names)) == len(names) else _GHOST
                 found.append(f'{topic} has {len(names)} publishers: {", ".join(names)}{ghost}')
         return found
-
-    def _count_lost(self, info: Any) -> None:
-        self.lost_messages += info.total_count_change
 
     def _reject(self, topic: str, reason: str) -> None:
         self.rejected_messages += 1
