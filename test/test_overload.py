@@ -54,5 +54,5 @@ def test_all_frames_that_a_stopped_camera_never_took_are_counted(domain, process
             lost = int(values['messages lost before they were taken'])
             return lost > WHILE_STOPPED // 2 and before <= int(values['frames']) + lost <= sent
 
-        assert operator.spin_until(is_said, timeout_s=15), seen[-1:]
-        assert operator.spin_until(are_counted, timeout_s=15)
+        assert operator.spin_until(is_said), seen[-1:]
+        assert operator.spin_until(are_counted)
