@@ -1,8 +1,12 @@
 """Plants and controllers in plain rclpy, with whatever QoS their writers thought of."""
 
+import json
+import stat
+
 import numpy as np
 import pytest
-from loop_support import operating, ros_arguments, start, stop_all
+from documentation import blocks_of
+from loop_support import ROOT, operating, ros_arguments, run_closed_loop, start, stop_all
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
@@ -55,3 +59,24 @@ def test_no_subscriber_gets_a_message_twice(domain, processes):
     stop_all(processes)
 
     assert len(commands) == 1
+
+
+def test_a_plant_that_publishes_no_state_gets_a_statement_of_what_is_not_judged(domain, tmp_path):
+    files = {block.file: block.body for block in blocks_of(ROOT / 'docs' / 'hardware.md')}
+    motor = files['motor/lockstep_motor.py']
+    dumb = [line for line in motor.splitlines(keepends=True) if 'self.state' not in line]
+    plant = tmp_path / 'lockstep_motor.py'
+    plant.write_text(''.join(dumb))
+    plant.chmod(plant.stat().st_mode | stat.S_IXUSR)
+    scenario = tmp_path / 'motor.yaml'
+    scenario.write_text(files['motor/lockstep_motor.yaml'])
+
+    run = run_closed_loop(scenario, domain, tmp_path / 'out', '--duration', '2')
+
+    assert run.returncode == 1, run.stderr
+    assert 'motor: no verdict: the plant publishes no state, so that ||x - x_d||' in run.stdout
+    result = json.loads((tmp_path / 'out' / 'motor' / 'result.json').read_text())
+    assert result['regulated'] is None
+    # One pixel sees 1 + x: what is seen is the error itself.
+    assert 0 < result['limsup_luminosity'] < 0.1
+    assert 0 < result['sector_ratio_max'] <= 1

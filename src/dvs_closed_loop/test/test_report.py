@@ -96,6 +96,45 @@ def test_a_bag_without_states_is_reported_without_a_verdict(tmp_path, capsys):
     text, _ = page_of(tmp_path / 'report.html')
     assert 'no verdict' in text
     assert 'Empty topics' in text and 'state' in text
+    printed = capsys.readouterr().out
+    assert 'half: no verdict: the plant publishes no state' in printed
+    assert 'sector bound         held' in printed and '60 cycles, 0.59 s' in printed
+
+
+@pytest.mark.parametrize('topic', [topics.STATE, topics.EVENTS, topics.LUMINOSITY])
+def test_what_a_recorder_lost_is_not_laid_to_the_loop(topic, tmp_path, capsys):
+    path = tmp_path / 'bag'
+    kept = {}
+    with BagWriter(path, TYPES) as writer:
+        writer.keep_scenario(SCENARIO, 'holed')
+        for name, received, data in small_run():
+            kept[name] = kept.get(name, 0) + 1
+            if name != topic or kept[name] not in (20, 21, 40):
+                writer.write(name, received, data)
+
+    assert main(['report', str(path)]) == 0
+
+    printed = capsys.readouterr().out
+    assert 'holed: regulated' in printed
+    assert 'samples skipped' not in printed
+    assert f'{topic}: 3 samples that other topics have are missing: lost by the rec' in printed
+    lost = [line for line in printed.splitlines() if 'events are missing' in line]
+    assert len(lost) == (topic == topics.EVENTS)
+    assert all('packets of which the recorder lost' in line for line in lost)
+
+
+def test_samples_that_a_plant_skipped_are_said_to_be_skipped(tmp_path, capsys):
+    path = tmp_path / 'bag'
+    kept = {}
+    with BagWriter(path, TYPES) as writer:
+        writer.keep_scenario(SCENARIO, 'slow')
+        for name, received, data in small_run():
+            kept[name] = kept.get(name, 0) + 1
+            if kept[name] not in (20, 21):
+                writer.write(name, received, data)
+
+    assert main(['report', str(path)]) == 0
+    assert '2 samples skipped' in capsys.readouterr().out
 
 
 def test_what_is_no_bag_is_one_line_on_stderr(tmp_path, capsys):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -104,6 +104,10 @@ class RecordedRun:
         Whether `trace` begins with the first sample of the run.
     wall_seconds
         Wall-clock time from the first sample with a command to the last command, s.
+    unrecorded
+        Samples within `trace` that some topic has and another lacks: lost by the recorder.
+    without_states
+        Messages of the samples that every topic but an empty `state` has; empty otherwise.
     """
 
     streams: dict[str, StreamStatistics]
@@ -112,6 +116,8 @@ class RecordedRun:
     trace: Trace | None
     from_start: bool
     wall_seconds: float
+    unrecorded: int = 0
+    without_states: Messages = field(default_factory=dict)
 
     @property
     def troubles(self) -> list[str]:
@@ -120,7 +126,10 @@ class RecordedRun:
         if self.runs > 1:
             lines.append(f'the bag holds {self.runs} runs; this is the last one')
         if self.index.lost:
-            lines.append(f'{self.index.lost} events are missing in {self.index.gaps} gaps')
+            # Packets that are not in the bag although the run had their samples.
+            gone = self.streams[topics.EVENTS].missing if topics.EVENTS in self.streams else 0
+            whose = f', {gone} packets of which the recorder lost' if gone else ''
+            lines.append(f'{self.index.lost} events are missing in {self.index.gaps} gaps{whose}')
         restarts = self.index.restarts - (self.runs - 1)
         if restarts > 0:
             lines.append(
@@ -160,7 +169,24 @@ def examine(bag: RecordedBag) -> RecordedRun:
         trace=trace,
         from_start=starts == {began} and index.first_index in (None, 0),
         wall_seconds=_wall_seconds(last),
+        unrecorded=_unrecorded(last, complete),
+        without_states=_without_states(last),
     )
+
+
+def _without_states(last: Mapping[str, StampedRun]) -> Messages:
+    if last[topics.STATE].messages:
+        return {}
+    return _complete_messages({topic: run for topic, run in last.items() if topic != topics.STATE})
+
+
+def _unrecorded(last: Mapping[str, StampedRun], complete: Messages) -> int:
+    """Samples between the first and the last complete one that only some topics have."""
+    whole = {parse_command(message).stamp_ns for message in complete[topics.COMMAND]}
+    if not whole:
+        return 0
+    some = {stamp for run in last.values() for stamp in run.stamps_ns}
+    return sum(min(whole) < stamp < max(whole) for stamp in some - whole)
 
 
 def _wall_seconds(last: Mapping[str, StampedRun]) -> float:

@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
             figures=figures,
         ),
     )
-    print(verdict or f'{name}: no sample was recorded whole, so there is no verdict')
+    print(verdict or _unjudged(recorded, scenario, name))
     for line in recorded.troubles:
         print(f'  note                 {line}')
     print(f'  report               {page}')
@@ -112,6 +112,23 @@ def _report_sensor(options: argparse.Namespace) -> int:
     return 0
 
 
+def _unjudged(recorded: RecordedRun, scenario: Scenario, name: str) -> str:
+    from dvs_common.wire import topics
+    from dvs_hinf_controller.design.design import design_from_scenario
+    from dvs_simulation.judging.unjudged import without_states
+
+    if not recorded.without_states.get(topics.COMMAND):
+        return f'{name}: no sample was recorded whole, so there is no verdict'
+    figures = without_states(
+        recorded.without_states,
+        scenario,
+        name=name,
+        delta_certified=design_from_scenario(scenario).figures.delta_certified,
+        interrupted=False,
+    )
+    return str(figures)
+
+
 def _judged(
     bag: RecordedBag, recorded: RecordedRun, scenario: Scenario, name: str
 ) -> Verdict | None:
@@ -134,4 +151,5 @@ def _judged(
         interrupted=simulated_s < scenario.loop.duration - 1.5 * scenario.loop.sampling_period,
         bounds=None if recorded.from_start else scenario.model_reference_bounds,
         reported=reported_budgets(bag.of(topics.DIAGNOSTICS), bag.namespace),
+        unrecorded=recorded.unrecorded,
     )

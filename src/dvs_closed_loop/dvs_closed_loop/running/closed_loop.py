@@ -6,7 +6,6 @@ import argparse
 import shutil
 import sys
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from dvs_closed_loop.bags.bag import read_bag
@@ -25,7 +24,8 @@ from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
 from dvs_hinf_controller.design.design import design_from_scenario
-from dvs_simulation.judging.trace import IncompleteTraceError, Trace, decode_trace
+from dvs_simulation.judging.trace import IncompleteTraceError, decode_trace
+from dvs_simulation.judging.unjudged import Unjudged, without_states
 from dvs_simulation.judging.verdict import Promised, Verdict, judge
 
 # Files beside a bag that tell of the run in it.
@@ -34,22 +34,6 @@ _OF_A_RUN = ('result.json', 'figure.png', 'report.html', 'report.png')
 
 class InterruptedEarly(Exception):
     """Ctrl-C before the first command: there is nothing to judge."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopRun:
-    """What remains of a run.
-
-    Parameters
-    ----------
-    trace
-        Signals of the run.
-    verdict
-        Its figures.
-    """
-
-    trace: Trace
-    verdict: Verdict
 
 
 def run_scenario(
@@ -61,8 +45,10 @@ def run_scenario(
     namespace: str = '',
     elsewhere: Collection[str] = (),
     composed: bool = False,
-) -> LoopRun:
+) -> Verdict | Unjudged:
     """Run a scenario and write bag, result and figure into `output`.
+
+    A plant that publishes no state leaves bag and result, and no figure.
 
     Parameters
     ----------
@@ -115,6 +101,22 @@ def run_scenario(
         recorder = run_loop(scenario, plans, bag, session)
     if session.stop.received and not recorder.messages[topics.COMMAND]:
         raise InterruptedEarly
+    reported = reported_budgets(recorder.messages[topics.DIAGNOSTICS], space)
+    promised = Promised.of(design)
+    if not recorder.publishes_states:
+        try:
+            unjudged = without_states(
+                recorder.messages,
+                scenario,
+                name=parameter_file.stem,
+                delta_certified=promised.delta_certified,
+                interrupted=session.stop.received,
+                reported=reported,
+            )
+        except IncompleteTraceError as error:
+            raise LoopError(f'the recording is incomplete: {error}') from None
+        unjudged.save(output / 'result.json')
+        return unjudged
     bounds = None
     try:
         trace = decode_trace(recorder.messages)
@@ -130,18 +132,18 @@ def run_scenario(
         trace,
         scenario,
         name=parameter_file.stem,
-        promised=Promised.of(design),
+        promised=promised,
         wall_seconds=recorder.wall_seconds,
         interrupted=session.stop.received,
         bounds=bounds,
-        reported=reported_budgets(recorder.messages[topics.DIAGNOSTICS], space),
+        reported=reported,
     )
     verdict.save(output / 'result.json')
     # Matplotlib takes longer to load than a loop to start.
     from dvs_simulation.judging.figure import save_figure
 
     save_figure(trace, scenario, verdict, output / 'figure.png')
-    return LoopRun(trace=trace, verdict=verdict)
+    return verdict
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -183,7 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output = options.output / options.namespace.strip('/') / options.params_file.stem
     try:
         with ros_session() as session:
-            run = run_scenario(
+            verdict = run_scenario(
                 options.params_file,
                 output,
                 session,
@@ -206,6 +208,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InterruptedEarly:
         print('interrupted before the first command')
         return 0
-    print(run.verdict)
-    print(f'  results              {output}/  (bag, result.json, figure.png)')
-    return 0 if run.verdict.passed or run.verdict.interrupted else 1
+    print(verdict)
+    figure = ', figure.png' if isinstance(verdict, Verdict) else ''
+    print(f'  results              {output}/  (bag, result.json{figure})')
+    return 0 if verdict.passed or verdict.interrupted else 1

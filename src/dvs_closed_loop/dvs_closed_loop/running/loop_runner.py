@@ -110,7 +110,8 @@ class _RunningLoop:
         self._wait(lambda: client.service_is_ready() or bool(received), 'plant_sim to answer')
         if not client.service_is_ready() and received:
             self.recorder.plant_waited = False
-            self._wait(self.recorder.receives_every_node, 'all three nodes')
+            self._wait(self.recorder.receives_all_but_states, 'camera and controller')
+            self._look_for_states()
             return
         self._change_state(client, Transition.TRANSITION_CONFIGURE)
         self._wait(self.recorder.receives_every_node, 'all three nodes')
@@ -118,6 +119,13 @@ class _RunningLoop:
         settled = time.monotonic() + _SETTLE_S
         self._wait(lambda: time.monotonic() > settled, 'discovery')
         self._change_state(client, Transition.TRANSITION_ACTIVATE)
+
+    def _look_for_states(self) -> None:
+        """Note whether the plant publishes its state: it did so beside the first luminosity."""
+        deadline = time.monotonic() + _LOOK_AROUND_S
+        while not self.recorder.receives(topics.STATE) and time.monotonic() < deadline:
+            self._session.turn(0.05)
+        self.recorder.publishes_states = self.recorder.receives(topics.STATE)
 
     def watch(self) -> None:
         """Receive the loop's messages to its end."""

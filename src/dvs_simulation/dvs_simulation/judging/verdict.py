@@ -287,6 +287,7 @@ def judge(
     interrupted: bool,
     bounds: ReferenceBounds | None = None,
     reported: Sequence[Budget] = (),
+    unrecorded: int = 0,
 ) -> Verdict:
     """Verdict on a run.
 
@@ -308,6 +309,8 @@ def judge(
         Bounds m, M of q(0); those around the first luminosity for None.
     reported
         What the controller reported of its budget, in any order.
+    unrecorded
+        Samples that a recorder lost: not skipped by the plant.
     """
     bounds = bounds or scenario.reference_bounds(trace.luminosities[0])
     budget = run_budget(
@@ -344,7 +347,10 @@ def judge(
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
         cycles=cycles,
-        samples_skipped=round(trace.times_s[-1] / scenario.loop.sampling_period) + 1 - cycles,
+        samples_skipped=round(trace.times_s[-1] / scenario.loop.sampling_period)
+        + 1
+        - cycles
+        - unrecorded,
         cycles_per_second=(cycles - 1) / wall_seconds if wall_seconds > 0 else 0.0,
         wall_seconds=wall_seconds,
         simulated_seconds=float(trace.times_s[-1]),
