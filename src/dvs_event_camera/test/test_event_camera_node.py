@@ -14,6 +14,7 @@ pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
@@ -318,6 +319,16 @@ def test_compressed_images_are_taken(graph):
     assert len(parse_events(bytes(heard[-1])).events) == 8
     code, _, err = camera.stop()
     assert code == 0, err
+
+
+def test_a_real_camera_is_taken_by_its_own_name_and_with_best_effort(graph):
+    remapped = ('--ros-args', '-r', 'luminosity:=/camera/image_raw', '--')
+    graph.start(CAMERA, *remapped, image_reliability='best_effort', mode='realtime')
+    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('realtime'))
+    publisher = graph.node.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
+    frames = [np.full((2, 3), grey, np.uint8) for grey in (100, 130)]
+    feed(graph, heard, publisher, [pack_image(k * MS, y, 'mono8') for k, y in enumerate(frames)])
+    assert len(parse_events(bytes(heard[-1])).events) == 6
 
 
 def test_preset_gives_the_parameters_that_are_not_given_themselves(graph):
