@@ -153,6 +153,7 @@ def test_unknown_references_end_a_controller_that_is_to_stop_then(domain, proces
     )
     with operating(domain) as operator:
         commands = operator.hear(JointState, 'command', topics.handshake_qos('lockstep'))
+        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
         keyframes = operator.node.create_publisher(
             PointCloud2, 'keyframe', topics.latched_qos(depth=1)
         )
@@ -167,7 +168,9 @@ def test_unknown_references_end_a_controller_that_is_to_stop_then(domain, proces
     output, _ = controller.communicate()
     assert controller.returncode == 4, output
     assert 'references unknown (unknown_references: stop)' in output
-    # Until then the input that holds the equilibrium.
+    # Until then an ERROR, and the input that holds the equilibrium.
+    said = [(status.level, status.message) for message in health for status in message.status]
+    assert any(l == DiagnosticStatus.ERROR and 'references unknown' in m for l, m in said)
     assert np.allclose(commands[0].position, SCENARIO.equilibrium.feedforward)
 
 

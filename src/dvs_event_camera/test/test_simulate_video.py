@@ -128,7 +128,7 @@ def test_a_video_that_is_cut_off_is_read_up_to_there(tmp_path, capfd):
     (tmp_path / 'cut.avi').write_bytes(octets[: len(octets) * 3 // 4])
     out = tmp_path / 'e.npz'
     assert main(['simulate_video', str(tmp_path / 'cut.avi'), '--output', str(out)]) == 1
-    assert 'of 20 frames; what comes before it was read' in capfd.readouterr().err
+    assert 'of 20 frames; the rest was read' in capfd.readouterr().err
     assert np.load(out)['t'].size > 0
 
 

@@ -8,7 +8,7 @@ from dvs_common.errors import SuiteError
 
 
 class DamagedFile(SuiteError):
-    """A file that ends or breaks early; what comes before was read.
+    """A file that ends early or is broken in places; the rest was read.
 
     Parameters
     ----------
@@ -21,4 +21,4 @@ class DamagedFile(SuiteError):
     def __init__(self, path: Path, reason: str) -> None:
         self.path = path
         self.reason = ' '.join(reason.split())
-        super().__init__(f'{path}: {self.reason}; what comes before it was read')
+        super().__init__(f'{path}: {self.reason}; the rest was read')
