@@ -9,6 +9,7 @@ from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_hinf_controller.analysis.plant_rates import control_rate, plant_rate
 from dvs_hinf_controller.design import design_controller
+from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
 
@@ -62,6 +63,61 @@ def test_thresholds_do_not_depend_on_units(paper_problem, method, units) -> None
 
     assert other.h_certified == pytest.approx(plain.h_certified, rel=0.01)
     assert other.h_star == pytest.approx(plain.h_star, rel=0.02)
+
+
+def written_anew(problem: DesignProblem, generator) -> DesignProblem:
+    """The same problem with units of its own for every state and input, for time and for light."""
+    plant, bounds, operation = problem.model, problem.bounds, problem.operation
+    states = 10 ** generator.uniform(-6, 6, plant.state_count)
+    inputs = 10 ** generator.uniform(-6, 6, plant.input_count)
+    rate, luminosity = 10 ** generator.uniform(-6, 6, 2)
+    return dataclasses.replace(
+        problem,
+        model=PlantModel(
+            state_matrix=states[:, None] * plant.state_matrix / states * rate,
+            input_matrix=states[:, None] * plant.input_matrix / inputs * rate,
+            output_vector=plant.output_vector / states * luminosity,
+        ),
+        scene=dataclasses.replace(
+            problem.scene, brightness_offsets=problem.scene.brightness_offsets * luminosity
+        ),
+        bounds=ReferenceBounds(lower=bounds.lower * luminosity, upper=bounds.upper * luminosity),
+        error_weights=1 / states,
+        operation=dataclasses.replace(operation, sampling_period=operation.sampling_period / rate),
+    )
+
+
+# A slow stable plant (any threshold: no feedback), one with two inputs, and a harder one.
+@pytest.mark.parametrize('seed', [0, 1, 4])
+def test_certified_does_not_depend_on_the_unit_of_any_state_input_time_or_light(
+    problem_of, seed
+) -> None:
+    generator = np.random.default_rng(seed)
+    n, m = generator.integers(1, 3, 2).tolist()
+    plant = model(
+        generator.standard_normal((n, n)),
+        generator.standard_normal((n, m)),
+        generator.standard_normal(n),
+    )
+    problem = dataclasses.replace(
+        problem_of(plant),
+        error_weights=np.ones(n),
+        operation=Operation(sampling_period=1e-3),
+    )
+    plain = design_controller(problem, method='certified').figures
+    other = design_controller(written_anew(problem, generator), method='certified').figures
+
+    assert plain.h_certified > 0
+    assert other.h_certified == pytest.approx(plain.h_certified, rel=0.02)
+
+
+def test_the_rate_of_a_plant_does_not_depend_on_the_units_of_its_states() -> None:
+    plain = model([[-0.1, 0.6], [0.1, -0.5]], [[1.0], [1.0]], [1.0, 1.0])
+    units = np.array([1e-8, 1e4])
+    a = units[:, None] * plain.state_matrix / units
+    other = model(a, plain.input_matrix, plain.output_vector)
+
+    assert plant_rate(other) == pytest.approx(plant_rate(plain), rel=1e-6)
 
 
 @pytest.mark.parametrize('state', [1e-6, 1e6])

@@ -11,6 +11,7 @@ from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.sampled.compiled_loop import compiled_loop
 from dvs_simulation.sampled.sampled_loop import run_by_messages
+from dvs_simulation.sweep.own_plant import own_plant_study
 
 # Two unstable axes, each seen mainly by one stripe.
 STRIPES = Scenario.from_values(
@@ -64,6 +65,8 @@ def test_the_loop_of_two_groups_runs_by_messages(design):
     assert compiled_loop(STRIPES, design) is None
 
 
-def test_the_exact_simulation_refuses_two_groups_by_name(design):
+def test_the_exact_simulation_and_its_study_refuse_two_groups_by_name(design):
+    with pytest.raises(ParameterError, match='2 pixel groups; this study takes one'):
+        own_plant_study(STRIPES)
     with pytest.raises(ParameterError, match='2 pixel groups; the exact simulation takes one'):
         ClosedLoop.from_scenario(STRIPES, design.controller)

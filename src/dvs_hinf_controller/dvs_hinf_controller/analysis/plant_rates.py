@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 
 from dvs_common.scenario.model import PlantModel
 
@@ -19,10 +20,12 @@ def plant_rate(model: PlantModel) -> float:
     model
         Plant.
     """
-    size = float(np.linalg.norm(model.state_matrix, 2))
     rate = float(np.max(np.abs(np.linalg.eigvals(model.state_matrix))))
-    if rate > _NO_RATE * size:
+    # In balanced units: those of the states have no part in whether a mode moves.
+    balanced = scipy.linalg.matrix_balance(model.state_matrix, permute=False)[0]
+    if rate > _NO_RATE * float(np.linalg.norm(balanced, 2)):
         return rate
+    size = float(np.linalg.norm(model.state_matrix, 2))
     return size if size > 0 else 1.0
 
 

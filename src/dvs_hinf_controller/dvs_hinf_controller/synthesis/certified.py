@@ -54,6 +54,7 @@ _SOLVERS = ('highs', 'highs-ipm')
 _CUT_RTOL = 5e-3
 _REDUCTION_LOSS = 2e-3
 _COMPARISON_RTOL = 1e-3
+_SEARCH_RTOL = 1e-2
 _FINAL_RTOL = 3e-4
 
 
@@ -86,6 +87,8 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     if problem.model.group_count > 1:
         search.add_rival(partial(synthesize_groups, problem, options))
         best_weights(search.add_weighted, GroupWeights.first(search.disturbances))
+        if search.best is not None:
+            search.best_score = _score(problem, search.best)
         return search.result()
     for synthesize in (synthesize_unstructured, synthesize_structured):
         search.add_rival(partial(synthesize, options=options))
@@ -132,12 +135,14 @@ class _Search:
             return 0.0
         return (operation.latency + operation.sampling_period / 2) * self.units.rate
 
-    def add(self, synthesize: Callable[[], LinearController]) -> float:
+    def add(
+        self, synthesize: Callable[[], LinearController], *, rtol: float = _COMPARISON_RTOL
+    ) -> float:
         """Score of a candidate, which is kept if it is the best."""
         self.newest = None
         try:
             controller = synthesize()
-            score = _score(self.problem, controller)
+            score = _score(self.problem, controller, rtol=rtol)
         except (SynthesisError, np.linalg.LinAlgError) as error:
             self.failures.append(error)
             return -math.inf
@@ -183,7 +188,7 @@ class _Search:
         def of_weights(model: PlantModel) -> LinearController:
             return units.controller(weighted_controller(units.plant(model), weights, limit=limit))
 
-        return self.add(lambda: settled(self.problem, of_weights))
+        return self.add(lambda: settled(self.problem, of_weights), rtol=_SEARCH_RTOL)
 
     def climb(self, start: float) -> float:
         """Go down or up from a bandwidth while the score grows; return the best bandwidth."""

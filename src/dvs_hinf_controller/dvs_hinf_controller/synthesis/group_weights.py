@@ -20,8 +20,8 @@ from dvs_hinf_controller.synthesis.rolled_off import as_controller, synthesize_u
 
 # Factors by which weights are moved, from coarse to fine, and weights that are tried at most.
 _FACTORS = (8.0, 2.0)
-_MOST_TRIALS = 40
-_BANDWIDTH = 1.0
+_MOST_TRIALS = 24
+_BANDWIDTH = 1e-2
 _NOISE = 0.1
 _SLACK = 1e-2
 

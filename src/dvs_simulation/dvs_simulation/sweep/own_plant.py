@@ -79,10 +79,12 @@ def own_plant_study(
     Raises
     ------
     ParameterError
-        If the run has no end, or no method finds a controller with a finite threshold.
+        If the run has no end, there are several pixel groups, or no method finds a controller
+        with a finite threshold.
     """
     if scenario.loop.duration < _SHORTEST_S:
         raise ParameterError('duration', scenario.loop.duration, 'must be > 0 for this study')
+    scenario.model.require_one_group('this study')
     values = dict(scenario.values)
     tasks = []
     for method in METHODS:
