@@ -18,6 +18,7 @@ BELOW = {
 ROS_ROOMS = {
     'dvs_common': {
         'node.demanded_publisher',
+        'node.direct_calls',
         'node.ros_parameters',
         'node.session',
         'node.spin',

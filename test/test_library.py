@@ -120,7 +120,10 @@ def test_importing_a_package_imports_nothing_heavy():
 
 
 def test_the_nodes_of_a_loop_import_nothing_that_only_some_scenarios_need():
-    heavy = ('numba', 'control', 'matplotlib', 'scipy.optimize', 'scipy.special', 'scipy.signal')
+    heavy = (
+        *('numba', 'control', 'matplotlib', 'pandas', 'dask', 'jinja2', 'rosbags', 'cv2', 'PIL'),
+        *('scipy.optimize', 'scipy.special', 'scipy.signal', 'scipy.sparse', 'scipy.integrate'),
+    )
     nodes = (
         'dvs_plant_sim.plant_sim_node',
         'dvs_event_camera.event_camera_node',

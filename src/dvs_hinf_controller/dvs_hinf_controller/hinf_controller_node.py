@@ -20,7 +20,7 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.anchor import parse_anchor
 from dvs_common.wire.command_copy import command_copy
-from dvs_common.wire.events import EVENT_DTYPE, parse_events
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket, parse_events
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
@@ -152,22 +152,27 @@ class HinfControllerNode(ManagedNode):
         if foreseen is not None:
             self._publish_command(packet.stamp_ns, foreseen)
         report = self._controller.take(packet)
-        self._repeated += report.repeated
         self._stamp_ns = packet.stamp_ns
-        if report.restarted:
-            self._command_publisher.forget()
         if foreseen is None:
+            if report.restarted:
+                self._command_publisher.forget()
             self._publish_command(packet.stamp_ns, self._controller.command)
         if self._estimate_publisher.wanted:
             self._estimate_publisher.publish(
                 pack_estimate(packet.stamp_ns, self._controller.estimate)
             )
         self._packets += 1
+        # What was foreseen has brought nothing but time.
+        if foreseen is None:
+            self._note(report, packet)
+        self._controller.look_ahead()
+
+    def _note(self, report: PacketReport, packet: EventPacket) -> None:
+        self._repeated += report.repeated
         if len(packet.events) and not report.repeated:
             self._events += len(packet.events)
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         self._say(report, packet.stamp_ns)
-        self._controller.look_ahead()
 
     def _publish_command(self, stamp_ns: int, values: np.ndarray) -> None:
         command = Vector(stamp_ns=stamp_ns, names=self._names, values=values)

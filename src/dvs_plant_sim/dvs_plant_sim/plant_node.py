@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -156,10 +157,12 @@ class PlantNode(ManagedNode):
         """
         disturbance = self._scenario.disturbance.output_disturbance
         luminosity = self.luminosity(self.plant.state) + disturbance
-        if not np.isfinite(luminosity).all():
+        darkest, brightest = float(luminosity.min()), float(luminosity.max())
+        # NaN is not less than anything.
+        if not (-math.inf < darkest and brightest < math.inf):
             self.finish(_FAILURE, f'the state has left the range of numbers: {self.plant.state}')
             return
-        if self._scenario.sensor.photoreceptor == 'log' and luminosity.min() <= 0:
+        if darkest <= 0 and self._scenario.sensor.photoreceptor == 'log':
             luminosity = self._nonphysical(stamp_ns, luminosity)
             if self.exit_code is not None:
                 return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rclpy.publisher import Publisher
+from dvs_common.node.direct_calls import AnyPublisher
 
 
 class DemandedPublisher:
@@ -19,7 +19,7 @@ class DemandedPublisher:
         Publisher of the topic.
     """
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, publisher: AnyPublisher) -> None:
         self._publisher = publisher
         self.wanted = False
 

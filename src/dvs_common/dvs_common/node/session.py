@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from dvs_common.errors import ParameterError
+from dvs_common.node.direct_calls import DirectCalls
 from dvs_common.program import StopSignal
 
 # Longest wait for a message, and so the longest delay of a signal.
@@ -43,6 +44,7 @@ class RosSession:
 
     def __init__(self, stop: StopSignal) -> None:
         self.stop = stop
+        self.direct: DirectCalls | None = None
         self._executor = EventsExecutor()
         self._nodes: list[Node] = []
 
@@ -71,6 +73,8 @@ class RosSession:
         timeout_s
             Longest wait, s.
         """
+        if self.direct is not None and self.direct.run():
+            timeout_s = 0.0
         # What was taken down by a transition may still have an event in the queue.
         with suppress(InvalidHandle):
             self._executor.spin_once(timeout_sec=min(timeout_s, _TURN_S))

@@ -12,6 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from dvs_common.errors import ParameterError
+from dvs_common.node.direct_calls import DirectCalls
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.node.session import RosSession, own_arguments, ros_session
 from dvs_common.program import ignore_signals
@@ -55,6 +56,10 @@ def run_nodes(
         with ros_session(command_line) as ros:
             try:
                 nodes = [ros.add(factory()) for factory in factories]
+                if len(nodes) > 1:
+                    ros.direct = DirectCalls()
+                    for node in nodes:
+                        node.direct = ros.direct
                 for path in _parameter_files(command_line):
                     _warn_of_a_file_for_others(path, nodes)
                 return _spin(ros, nodes)

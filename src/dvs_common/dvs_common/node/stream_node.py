@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock
@@ -16,6 +17,7 @@ from rclpy.timer import Timer
 
 from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.node.demanded_publisher import DemandedPublisher
+from dvs_common.node.direct_calls import AnyPublisher, DirectCalls, DirectPublisher
 from dvs_common.node.message_information import Arrivals, WithInformation
 from dvs_common.node.parameter_node import ParameterNode
 from dvs_common.node.token_publisher import TokenPublisher
@@ -55,6 +57,8 @@ class StreamNode(ParameterNode):
         super().__init__(executable, own_parameters=own_parameters, **node_arguments)
         self.rejected_messages = 0
         self.lost_messages = 0
+        # To the other nodes of this process, if there are some.
+        self.direct: DirectCalls | None = None
         self._sole: list[str] = []
         self._heard_s: dict[str, float] = {}
         self._active_since_s = 0.0
@@ -63,7 +67,7 @@ class StreamNode(ParameterNode):
         # Timers follow the wall clock, even where use_sim_time ties the node's clock to /clock.
         self._wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
 
-    def advertise(self, message_type: type, topic: str, qos: QoSProfile) -> Publisher:
+    def advertise(self, message_type: type, topic: str, qos: QoSProfile) -> AnyPublisher:
         """Publisher that cleanup destroys; takes serialized messages too.
 
         Parameters
@@ -76,8 +80,17 @@ class StreamNode(ParameterNode):
             Quality of service.
         """
         publisher = self.create_publisher(message_type, topic, qos)
-        self._entities.append((self.destroy_publisher, publisher))
+        if self.direct is not None:
+            publisher = self.direct.publisher(publisher, qos)
+        self._entities.append((self._retract, publisher))
         return publisher
+
+    def _retract(self, publisher: AnyPublisher) -> None:
+        if isinstance(publisher, DirectPublisher):
+            assert self.direct is not None
+            self.direct.retract(publisher)
+            publisher = publisher.publisher
+        self.destroy_publisher(publisher)
 
     def advertise_on_demand(
         self, message_type: type, topic: str, qos: QoSProfile
@@ -110,9 +123,9 @@ class StreamNode(ParameterNode):
             Quality of service; latched in lockstep.
         """
 
-        def renewed(publisher: Publisher) -> Publisher:
-            self._entities.remove((self.destroy_publisher, publisher))
-            self.destroy_publisher(publisher)
+        def renewed(publisher: AnyPublisher) -> AnyPublisher:
+            self._entities.remove((self._retract, publisher))
+            self._retract(publisher)
             return self.advertise(message_type, topic, qos)
 
         token = TokenPublisher(self, self.advertise(message_type, topic, qos), renewed)
@@ -142,13 +155,9 @@ class StreamNode(ParameterNode):
         """
         arrivals = Arrivals()
 
-        def guarded(message: bytes, information: Mapping[str, Any]) -> None:
-            missed = arrivals.missed_before(information)
+        def guarded(message: bytes) -> None:
             if not self.is_active:
                 return
-            # The numbers of several publishers have nothing to do with each other.
-            if missed and subscription.get_publisher_count() == 1:
-                self.lost_messages += missed
             self._heard_s[topic] = time.monotonic()
             try:
                 handler(message)
@@ -157,10 +166,20 @@ class StreamNode(ParameterNode):
             except Exception:
                 self._reject(topic, f'unexpected error:\n{traceback.format_exc()}')
 
+        def counted(message: bytes, information: Mapping[str, Any]) -> None:
+            missed = arrivals.missed_before(information)
+            # The numbers of several publishers have nothing to do with each other.
+            if missed and self.is_active and subscription.get_publisher_count() == 1:
+                self.lost_messages += missed
+            guarded(message)
+
         subscription = self.create_subscription(
-            message_type, topic, WithInformation(guarded), qos, raw=True
+            message_type, topic, WithInformation(counted), qos, raw=True
         )
         self._entities.append((self.destroy_subscription, subscription))
+        if self.direct is not None:
+            self.direct.listen(subscription, guarded, qos)
+            self._entities.append((partial(self.direct.ignore, handler=guarded), subscription))
 
     def expect_one_publisher(self, topic: str) -> None:
         """Make several publishers of a topic an error: their messages can't be told apart.
@@ -236,6 +255,8 @@ class StreamNode(ParameterNode):
         """Wait until readers have what was published, or for a while."""
         deadline_s = time.monotonic() + seconds
         for _, entity in self._entities:
+            if isinstance(entity, DirectPublisher):
+                entity = entity.publisher
             if isinstance(entity, Publisher):
                 left_s = max(0.0, deadline_s - time.monotonic())
                 entity.wait_for_all_acked(Duration(nanoseconds=as_nanoseconds(left_s)))

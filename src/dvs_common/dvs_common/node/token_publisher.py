@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
+
+from dvs_common.node.direct_calls import AnyPublisher
 
 
 class TokenPublisher:
@@ -26,7 +27,10 @@ class TokenPublisher:
     """
 
     def __init__(
-        self, node: Node, publisher: Publisher, renewed: Callable[[Publisher], Publisher]
+        self,
+        node: Node,
+        publisher: AnyPublisher,
+        renewed: Callable[[AnyPublisher], AnyPublisher],
     ) -> None:
         self._node = node
         self._publisher = publisher

@@ -255,12 +255,16 @@ class EventController:
         packet
             Next packet.
         """
-        if self.is_blind or self.limiter is not None:
-            return None
-        duration_ns = self.references.duration_of_silence_ns(packet)
+        duration_ns = self._duration_of_silence_ns(packet)
         if duration_ns is None:
             return None
         return self._ahead.command_after(duration_ns, before=self.state, deviation=self.deviation)
+
+    def _duration_of_silence_ns(self, packet: EventPacket) -> int | None:
+        """Length of a step in which K alone moves; None where a packet brings anything else."""
+        if self.is_blind or self.limiter is not None:
+            return None
+        return self.references.duration_of_silence_ns(packet)
 
     def take(self, packet: EventPacket) -> PacketReport:
         """Advance to the packet's stamp through all of its events.
@@ -286,6 +290,12 @@ class EventController:
             packet's stamp, events are not in order, a polarity or sign is not +1 or -1, or events
             lead out of the range of numbers; nothing has changed then.
         """
+        silence_ns = self._duration_of_silence_ns(packet)
+        if silence_ns is not None:
+            self.references.pass_silence(packet.stamp_ns)
+            self._duration_ns = silence_ns
+            self._keep_still()
+            return _NOTHING_NOTICED
         if len(packet.events):
             self._check(packet)
         taken = self.references.take(packet)

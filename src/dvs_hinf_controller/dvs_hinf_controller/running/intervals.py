@@ -105,11 +105,6 @@ class ReferenceIntervals:
         return self._counted is not None
 
     @property
-    def unknown_count(self) -> int:
-        """Number of healthy pixels whose reference is not known."""
-        return int(np.count_nonzero(self._healthy & ~self.known))
-
-    @property
     def event_threshold(self) -> float:
         """h."""
         return self.step_bounds.event_threshold
@@ -163,6 +158,8 @@ class ReferenceIntervals:
         self.active: Bools = self._usable & self._healthy
         self.active_count = int(np.count_nonzero(self.active))
         self._all_active = self.active_count == self.active.size
+        # Healthy pixels whose reference is not known.
+        self.unknown_count = int(np.count_nonzero(self._healthy & ~self.known))
         self._widest = max(self._widest, self.width)
 
     def restrict_to(self, healthy: Bools) -> None:

@@ -111,6 +111,17 @@ class ReferenceWatch:
         duration_ns = packet.stamp_ns - last_ns
         return duration_ns if duration_ns > 0 and self.gate.follows(packet.stamp_ns) else None
 
+    def pass_silence(self, stamp_ns: int) -> None:
+        """Take a packet of which `duration_of_silence_ns` says that it brings nothing.
+
+        Parameters
+        ----------
+        stamp_ns
+            Stamp of the packet, ns.
+        """
+        self.gate.take(stamp_ns)
+        self._remember(stamp_ns, lost=0)
+
     def take_keyframe(self, keyframe: Keyframe) -> Taken:
         """Take the sensor's own state; see `Keyframes.take`.
 
