@@ -12,9 +12,14 @@ import json
 import platform
 import re
 import sys
+import time
 import traceback
+from contextlib import redirect_stdout
 from importlib.metadata import version
 from pathlib import Path
+
+from tqdm import tqdm
+from tqdm.contrib import DummyTqdmFile
 
 BENCHMARKS = (
     'loop',
@@ -27,11 +32,12 @@ BENCHMARKS = (
     'codecs',
     'exact',
     'design',
+    'events',
     'scale',
 )
 # Of all other figures the larger one is the better one.
 SMALLER_IS_BETTER = re.compile(
-    r'^latency_|_(s|ms|us|seconds|ratio|overhead|frame_pass|mb)$|_us_per_'
+    r'^latency_|_(s|ms|us|seconds|ratio|overhead|frame_pass|mb)$|_us_|_(ms|mb)_[a-z_]+$'
 )
 # Of a figure that was taken once.
 USUAL_SPREAD = 0.1
@@ -88,16 +94,24 @@ def main() -> int:
     print(f'{platform.machine()}, Python {platform.python_version()}, {versions}')
     figures: dict[str, float] = {}
     failed = []
-    for name in options.names or BENCHMARKS:
-        print(f'== {name}', flush=True)
-        try:
-            figures |= importlib.import_module(f'bench_{name}').measure(quick=options.quick)
-        except Exception:
-            traceback.print_exc()
-            failed.append(name)
-        if options.json:
-            # After every benchmark: what is measured is kept, whatever the next one does.
-            options.json.write_text(json.dumps(figures, indent=2) + '\n', encoding='utf-8')
+    # No bar where the output is not a terminal's; what benchmarks print goes above it.
+    with (
+        tqdm(options.names or BENCHMARKS, disable=None, unit='benchmark') as bar,
+        redirect_stdout(DummyTqdmFile(sys.stdout)),
+    ):
+        for name in bar:
+            bar.set_description(name)
+            print(f'== {name}')
+            began = time.perf_counter()
+            try:
+                figures |= importlib.import_module(f'bench_{name}').measure(quick=options.quick)
+            except Exception:
+                traceback.print_exc()
+                failed.append(name)
+            print(f'   {time.perf_counter() - began:.0f} s')
+            if options.json:
+                # After every benchmark: what is measured is kept, whatever the next one does.
+                options.json.write_text(json.dumps(figures, indent=2) + '\n', encoding='utf-8')
     if options.compare:
         _compare(options.compare, figures)
     if failed:

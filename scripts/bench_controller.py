@@ -15,10 +15,22 @@ from dvs_simulation.paper.published import scenario
 _ROUNDS, _SIDE, _PERIOD_NS = 5, 64, 1_000_000
 
 
-def _packets(events: int, count: int) -> list[bytes]:
-    """Packets whose events take every pixel up and down in turn."""
+def random_packets(width: int, height: int, events: int, count: int) -> list[bytes]:
+    """Packets whose events take every pixel up and down in turn.
+
+    Parameters
+    ----------
+    width
+        Columns.
+    height
+        Rows.
+    events
+        Events a packet.
+    count
+        Number of packets.
+    """
     rng = np.random.default_rng(0)
-    pixel_count = _SIDE * _SIDE
+    pixel_count = width * height
     level = np.zeros(pixel_count, np.int64)
     messages = []
     for number in range(count):
@@ -37,7 +49,7 @@ def _packets(events: int, count: int) -> list[bytes]:
             pixels=pixels,
             polarities=np.where(up, 1, -1).astype(np.int8),
             signs=np.ones(events, np.int8),
-            width=_SIDE,
+            width=width,
             stamp_ns=stamp_ns,
             first_index=number * events,
         )
@@ -51,7 +63,7 @@ def _mev(events: int, count: int) -> float:
         pixel_grid=(_SIDE, _SIDE), threshold_uncertainty=(), event_threshold=0.001
     )
     controller = event_controller(design_from_scenario(plain), plain)
-    messages = _packets(events, count)
+    messages = random_packets(_SIDE, _SIDE, events, count)
     controller.take(parse_events(messages[0]))
     began = time.process_time()
     for message in messages[1:]:

@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import time
 from multiprocessing.queues import Queue
+from multiprocessing.synchronize import Event
 
 import numpy as np
 from bench_loop import THREE_PROCESSES, loop_output
@@ -26,7 +27,7 @@ from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_simulation.paper.published import scenario
 from dvs_simulation.sampled.sampled_loop import run_by_messages
 
-_SECONDS, _PERIOD_S = 8.0, 0.001
+_SECONDS, _PERIOD_S, _ATTEMPTS = 8.0, 0.001, 3
 _PERCENTILES = {'p50': 50.0, 'p99': 99.0, 'p999': 99.9}
 
 
@@ -85,7 +86,7 @@ def bare_trips(domain: int, seconds: float) -> NDArray[np.float64]:
     return times
 
 
-def _observe(domain: int, arrivals: Queue[dict[str, dict[int, int]]], seconds: float) -> None:
+def _observe(domain: int, arrivals: Queue[dict[str, dict[int, int]]], is_over: Event) -> None:
     _environment(domain)
     import rclpy
     from rclpy.experimental import EventsExecutor
@@ -112,30 +113,46 @@ def _observe(domain: int, arrivals: Queue[dict[str, dict[int, int]]], seconds: f
         )
     executor = EventsExecutor()
     executor.add_node(node)
-    end = time.perf_counter() + seconds + 6.0
-    while time.perf_counter() < end:
+    while not is_over.is_set():
         executor.spin_once(timeout_sec=0.1)
     arrivals.put(seen)
     executor.shutdown()
     rclpy.try_shutdown()
 
 
+def _observed(
+    domain: int, seconds: float, *parameters: str
+) -> tuple[dict[str, dict[int, int]], str]:
+    """When the messages of a run arrived, by topic and stamp, and what the plant printed."""
+    context = multiprocessing.get_context('spawn')
+    arrivals: Queue[dict[str, dict[int, int]]] = context.Queue()
+    is_over = context.Event()
+    observer = context.Process(target=_observe, args=(domain, arrivals, is_over))
+    observer.start()
+    try:
+        output = loop_output(domain, seconds, THREE_PROCESSES, 'mode:=realtime', *parameters)
+    finally:
+        is_over.set()
+    seen = arrivals.get(timeout=30)
+    observer.join(timeout=10)
+    return seen, output
+
+
 def loop_latencies(
     domain: int, seconds: float, *parameters: str
 ) -> dict[str, NDArray[np.float64]]:
     """Times from a sample's instant to its messages' arrival, s, by stage."""
-    context = multiprocessing.get_context('spawn')
-    arrivals: Queue[dict[str, dict[int, int]]] = context.Queue()
-    observer = context.Process(target=_observe, args=(domain, arrivals, seconds))
-    observer.start()
-    loop_output(domain, seconds, THREE_PROCESSES, 'mode:=realtime', *parameters)
-    seen = arrivals.get(timeout=seconds + 30)
-    observer.join(timeout=10)
-    luminosity, events, command = seen['luminosity'], seen['events'], seen['command']
-    stamps = sorted(luminosity.keys() & events.keys() & command.keys())
-    stamps = stamps[len(stamps) // 4 :]
-    if not stamps:
+    for _ in range(_ATTEMPTS):
+        seen, output = _observed(domain, seconds, *parameters)
+        stamps = sorted(set.intersection(*(set(arrivals) for arrivals in seen.values())))
+        if stamps:
+            break
+        # On a busy machine the commands of a start come too late for an unstable plant.
+        print(f'  once more: {output.strip().splitlines()[-1]}')
+    else:
         raise RuntimeError('no sample of the realtime loop was answered')
+    stamps = stamps[len(stamps) // 4 :]
+    luminosity, events, command = seen['luminosity'], seen['events'], seen['command']
     table = np.array([[s, luminosity[s], events[s], command[s]] for s in stamps])
     differences = np.diff(table, axis=1) * 1e-9
     stages = ('plant_and_transport', 'camera_and_transport', 'controller_and_transport')
@@ -216,4 +233,9 @@ def measure(quick: bool = False) -> dict[str, float]:
 
 
 def _many_pixels() -> tuple[str, ...]:
-    return ('pixel_offsets:=[]', 'pixel_grid:=[64, 64]', 'pixel_pitch:=[0.0005, 0.0, 0.0, 0.0005]')
+    return (
+        'method:=structured',
+        'pixel_offsets:=[]',
+        'pixel_grid:=[64, 64]',
+        'pixel_pitch:=[0.0003, 0.0, 0.0, 0.0003]',
+    )
