@@ -38,9 +38,9 @@ def camera_us(width: int, height: int, rounds: int) -> float:
 
 def controller_us(width: int, height: int, rounds: int) -> float:
     """CPU microseconds an event of the controller, packets as bytes in and commands out."""
-    offsets = np.random.default_rng(1).uniform(-0.01, 0.01, (width * height, 2))
-    plain = scenario('mirror', width * height, offsets=offsets).replace(
-        pixel_grid=(height, width), threshold_uncertainty=(), event_threshold=0.001
+    offsets = np.random.default_rng(1).uniform(-0.01, 0.01, 2 * width * height)
+    plain = scenario('mirror', 1, event_threshold=0.001).replace(
+        pixel_grid=(height, width), pixel_offsets=tuple(offsets.tolist())
     )
     design = design_from_scenario(plain)
     messages = random_packets(width, height, _EVENTS, 20)
