@@ -384,6 +384,31 @@ def test_what_is_empty_or_something_else_is_said_in_one_line(suffix, content, tm
     assert str(path) in err
 
 
+@pytest.mark.parametrize('x', [-5, 70_000])
+@pytest.mark.parametrize('suffix', ['.txt', '.npz', '.npy', '.h5'])
+def test_a_column_that_no_pixel_has_ends_the_reading_and_becomes_no_other(suffix, x, tmp_path):
+    path = tmp_path / f'odd{suffix}'
+    t, column, ones = np.array([1000, 2000, 3000]), np.array([3, x, 3]), np.ones(3, int)
+    if suffix == '.txt':
+        np.savetxt(path, np.column_stack([t * 1e-6, column, ones, ones]), fmt='%.6f %d %d %d')
+    elif suffix == '.npz':
+        np.savez(path, t=t, x=column, y=ones, p=ones)
+    elif suffix == '.npy':
+        records = np.zeros(3, [('x', '<i4'), ('y', '<i4'), ('t', '<i8'), ('p', '?')])
+        records['x'], records['t'] = column, t
+        np.save(path, records)
+    else:
+        with h5py.File(path, 'w') as file:
+            for name, values in (('t', t), ('x', column), ('y', ones), ('p', ones)):
+                file[f'events/{name}'] = values
+
+    found, message = read_until_damage(path)
+
+    assert set(found.x.tolist()) <= {3}
+    assert len(found) == (suffix == '.txt')
+    assert str(path) in message
+
+
 def test_a_corrupted_archive_is_read_up_to_there(labelled, tmp_path):
     path = convert(labelled[1], tmp_path / 'out.npz')
     with zipfile.ZipFile(path) as archive:

@@ -25,7 +25,13 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_event_camera.files.damage import DamagedFile
-from dvs_event_camera.files.recording import STRETCH_EVENTS, Recording, Stretch, stretch_of
+from dvs_event_camera.files.recording import (
+    STRETCH_EVENTS,
+    Recording,
+    Stretch,
+    pixel_numbers,
+    stretch_of,
+)
 from dvs_event_camera.streams.sensor_events import SensorEvents, Triggers, no_events
 
 Slice = Callable[[Any, slice], SensorEvents]
@@ -162,8 +168,8 @@ def _columns(
 ) -> SensorEvents:
     return SensorEvents(
         t=t,
-        x=np.asarray(x).astype(np.uint16),
-        y=np.asarray(y).astype(np.uint16),
+        x=pixel_numbers(np.asarray(x)),
+        y=pixel_numbers(np.asarray(y)),
         p=(np.asarray(p) > 0).astype(np.uint8),
         noise=noise,
     )

@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_event_camera.files.damage import DamagedFile
-from dvs_event_camera.files.recording import STRETCH_EVENTS, Recording, Stretch, stretch_of
+from dvs_event_camera.files.recording import (
+    STRETCH_EVENTS,
+    Recording,
+    Stretch,
+    pixel_numbers,
+    stretch_of,
+)
 from dvs_event_camera.files.trigger_file import read_triggers
 from dvs_event_camera.streams.sensor_events import NO_TRIGGERS, SensorEvents, Triggers, no_events
 
@@ -109,8 +115,8 @@ def _events(column: dict[str, NDArray[Any]]) -> SensorEvents:
         t = t * 1000 + column['ns']
     return SensorEvents(
         t=t,
-        x=column['x'].astype(np.uint16),
-        y=column['y'].astype(np.uint16),
+        x=pixel_numbers(column['x']),
+        y=pixel_numbers(column['y']),
         p=(column['p'] > 0).astype(np.uint8),
         noise=column['noise'].astype(np.uint8) if 'noise' in column else None,
     )
@@ -167,10 +173,10 @@ def _records(path: Path) -> Iterator[Stretch]:
         while left:
             try:
                 records = array.take(min(left, STRETCH_EVENTS))
+                column = {name: records[name] for name in records.dtype.names or ()}
+                column.setdefault('ns', np.zeros(len(records), np.int64))
+                events = _events(column)
             except (EOFError, ValueError) as error:
                 raise DamagedFile(path, str(error)) from None
             left -= len(records)
-            names = records.dtype.names or ()
-            column = {name: records[name] for name in names}
-            column.setdefault('ns', np.zeros(len(records), np.int64))
-            yield stretch_of(_events(column))
+            yield stretch_of(events)

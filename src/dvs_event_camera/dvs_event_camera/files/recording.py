@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dvs_common.wire.index_watch import IndexStep, Order
 from dvs_event_camera.files.damage import DamagedFile
@@ -81,6 +85,36 @@ def stretch_of(events: SensorEvents) -> Stretch:
         A piece of the file.
     """
     return Stretch(events=events, end_ns=int(events.t[-1]) if len(events) else 0)
+
+
+def pixel_numbers(values: NDArray[Any]) -> NDArray[np.uint16]:
+    """Columns or rows of pixels, as 16 bits.
+
+    Parameters
+    ----------
+    values
+        Numbers of any type, shape (k,).
+
+    Raises
+    ------
+    ValueError
+        If one of them can be no column or row.
+    """
+    possible = are_pixel_numbers(values)
+    if not possible.all():
+        raise ValueError(f'an event has the column or row {values[~possible][0]}')
+    return values.astype(np.uint16)
+
+
+def are_pixel_numbers(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which numbers are columns or rows that an event can name, shape (k,).
+
+    Parameters
+    ----------
+    values
+        Numbers of any type, shape (k,).
+    """
+    return np.asarray((values >= 0) & (values < 2**16))
 
 
 def measured_size(recording: Recording) -> tuple[int, int]:

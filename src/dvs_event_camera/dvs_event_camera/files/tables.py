@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
 from dvs_event_camera.files.damage import DamagedFile
-from dvs_event_camera.files.recording import Recording, Stretch, stretch_of
+from dvs_event_camera.files.recording import Recording, Stretch, are_pixel_numbers, stretch_of
 from dvs_event_camera.files.trigger_file import read_triggers
 from dvs_event_camera.streams.sensor_events import SensorEvents, no_events
 
@@ -125,9 +125,10 @@ def _stretches(path: Path, table: _Table) -> Iterator[Stretch]:
         file.seek(table.data_at)
         while lines := file.readlines(_PIECE_BYTES):
             rows = _rows(b''.join(lines), len(table.columns))
-            whole = rows is not None
             if rows is None:
                 rows = _rows_until_broken(lines, len(table.columns))
+            rows = rows[: _possible(rows, table)]
+            whole = len(rows) == len(lines)
             yield stretch_of(_events(rows, table))
             row += len(rows)
             if not whole:
@@ -154,6 +155,14 @@ def _rows_until_broken(lines: list[bytes], columns: int) -> NDArray[np.longdoubl
             break
         good.append(row)
     return np.concatenate(good) if good else np.empty((0, columns), _NUMBER)
+
+
+def _possible(rows: NDArray[np.longdouble], table: _Table) -> int:
+    """How many rows there are before the first that can be no event."""
+    column = {name: rows[:, k] for k, name in enumerate(table.columns)}
+    good = are_pixel_numbers(column['x']) & are_pixel_numbers(column['y'])
+    good &= (np.abs(column['t'] * table.to_ns) < 2.0**63) & np.isfinite(column['p'])
+    return len(rows) if good.all() else int(np.argmin(good))
 
 
 def _events(rows: NDArray[np.longdouble], table: _Table) -> SensorEvents:
