@@ -130,6 +130,31 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
         figures = {v.key: v.value for v in latest(messages, 'hinf_controller').values}
         assert figures['events lost'] == '3'
         assert figures['resynchronisations'] == '1'
+
+        # Frames contradict the last pixel again and again.
+        anchors = operator.node.create_publisher(Image, 'anchor', topics.stream_qos())
+        assert operator.spin_until(lambda: anchors.get_subscription_count() == 1)
+        certified = float(figures['h_certified'])
+        light = np.array(estimates[-1].position)
+        for k, factor in enumerate((3, 1 / 3, 3, 1 / 3), start=6):
+            y = (light * [1, 1, factor]).reshape(1, 3)
+            anchors.publish(pack_image(k * 1_000_000, y, '64FC1'))
+            send(packet(k * 1_000_000, [], [], 7))
+
+        def is_masked():
+            status = latest(messages, 'hinf_controller')
+            told = {} if status is None else {v.key: v.value for v in status.values}
+            others = told.get('h_certified', 'being worked out')
+            return told.get('pixels masked') == '1' and others not in (
+                'being worked out',
+                str(certified),
+            )
+
+        messages.clear()
+        assert operator.spin_until(is_masked)
+        figures = {v.key: v.value for v in latest(messages, 'hinf_controller').values}
+        assert figures['masked pixels'] == '2'
+        assert 0 < float(figures['h_certified']) != certified
     _, output = stop(controller)
     assert '3 events were lost before 0.003000 s' in output
     assert 'resynchronised by a keyframe: 1 pixels put right' in output

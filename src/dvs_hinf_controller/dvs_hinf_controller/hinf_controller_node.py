@@ -24,7 +24,7 @@ from dvs_common.wire.events import EVENT_DTYPE, EventPacket, parse_events
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
-from dvs_hinf_controller.design.design import Design, design_from_scenario
+from dvs_hinf_controller.design.design import Design, DesignFigures, design_from_scenario
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.running.event_controller import PacketReport
@@ -277,6 +277,16 @@ class HinfControllerNode(ManagedNode):
                 'h <= h_certified': h <= figures.h_certified if figures else _NOT_YET,
             },
         )
+
+    def _live_figures(self) -> DesignFigures | None:
+        try:
+            return self._certificate.of(self._controller.references.health.healthy)
+        # The loop goes on without a certificate.
+        except Exception as error:
+            self.get_logger().error(
+                f'no certificate of the pixels that are left: {error}', throttle_duration_sec=10.0
+            )
+            return None
 
     def _troubles(self, budget: Budget) -> list[Trouble]:
         troubles = []
