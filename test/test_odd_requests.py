@@ -53,11 +53,16 @@ def test_a_tiny_pace_can_be_taken_back(domain, processes):
             assert operator.spin_until(lambda seen=seen: len(states) > seen + 100, timeout_s=30)
 
 
-def test_a_second_loop_in_the_domain_is_refused(domain, processes, tmp_path):
+def test_a_second_loop_in_the_domain_is_refused_and_leaves_earlier_results_alone(
+    domain, processes, tmp_path
+):
     first = start('plant_sim', domain)
     processes.append(first)
     with operating(domain) as operator:
         assert operator.lifecycle_state('plant_sim') == 'active'
+    earlier = tmp_path / 'out' / 'mirror_r3' / 'bag' / 'bag.mcap'
+    earlier.parent.mkdir(parents=True)
+    earlier.write_text('earlier')
     second = subprocess.run(
         [program('closed_loop'), '--params-file', str(CONFIG / 'mirror_r3.yaml')],
         env=environment(domain),
@@ -70,3 +75,5 @@ def test_a_second_loop_in_the_domain_is_refused(domain, processes, tmp_path):
     assert second.returncode == 1
     assert second.stderr.count('a plant_sim runs in this ROS domain already') == 1
     assert first.poll() is None
+    assert earlier.read_text() == 'earlier'
+    assert list(earlier.parents[1].iterdir()) == [earlier.parent]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.reported_budgets import reported_budgets
 from dvs_closed_loop.bags.streams import STREAMS
+from dvs_closed_loop.running.earlier_results import kept_aside
 from dvs_closed_loop.running.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.running.loop_runner import LoopError, run_loop
 from dvs_closed_loop.running.run_recorder import RECORDED
@@ -28,8 +28,8 @@ from dvs_simulation.judging.trace import IncompleteTraceError, decode_trace
 from dvs_simulation.judging.unjudged import Unjudged, without_states
 from dvs_simulation.judging.verdict import Promised, Verdict, judge
 
-# Files beside a bag that tell of the run in it.
-_OF_A_RUN = ('result.json', 'figure.png', 'report.html', 'report.png')
+# What tells of a run.
+_OF_A_RUN = ('bag', 'result.json', 'figure.png', 'report.html', 'report.png')
 
 
 class InterruptedEarly(Exception):
@@ -55,7 +55,8 @@ def run_scenario(
     parameter_file
         The scenario.
     output
-        Folder for the results of this scenario; a former run's results in it are replaced.
+        Folder for the results of this scenario; a former run's results in it are replaced when
+        this one has begun.
     session
         Turns what observes the loop; a signal ends the run early.
     parameters
@@ -92,15 +93,12 @@ def run_scenario(
         raise InterruptedEarly
     output_folder(output)
     bag_path = output / 'bag'
-    if bag_path.exists():
-        shutil.rmtree(bag_path)
-    for name in _OF_A_RUN:
-        (output / name).unlink(missing_ok=True)
-    with BagWriter(bag_path, {topic: STREAMS[topic].type_name for topic in RECORDED}) as bag:
-        bag.keep_scenario(scenario, parameter_file.stem)
-        recorder = run_loop(scenario, plans, bag, session)
-    if session.stop.received and not recorder.messages[topics.COMMAND]:
-        raise InterruptedEarly
+    with kept_aside(output, _OF_A_RUN) as begin:
+        with BagWriter(bag_path, {topic: STREAMS[topic].type_name for topic in RECORDED}) as bag:
+            bag.keep_scenario(scenario, parameter_file.stem)
+            recorder = run_loop(scenario, plans, bag, session, begin=begin)
+        if session.stop.received and not recorder.messages[topics.COMMAND]:
+            raise InterruptedEarly
     reported = reported_budgets(recorder.messages[topics.DIAGNOSTICS], space)
     promised = Promised.of(design)
     if not recorder.publishes_states:

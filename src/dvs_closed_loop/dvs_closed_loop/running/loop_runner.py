@@ -53,7 +53,12 @@ class LoopError(SuiteError):
 
 
 def run_loop(
-    scenario: Scenario, plans: Sequence[NodePlan], bag: BagWriter, session: RosSession
+    scenario: Scenario,
+    plans: Sequence[NodePlan],
+    bag: BagWriter,
+    session: RosSession,
+    *,
+    begin: Callable[[], None],
 ) -> RunRecorder:
     """Run a loop to its end or until a signal; its nodes are gone afterwards.
 
@@ -67,6 +72,8 @@ def run_loop(
         Where the messages go.
     session
         Turns what observes the loop; a signal ends the run early.
+    begin
+        Called when all nodes have met and the plant runs.
 
     Returns
     -------
@@ -81,6 +88,8 @@ def run_loop(
     loop = _RunningLoop(scenario, plans, bag, session)
     try:
         loop.start()
+        if not session.stop.received:
+            begin()
         loop.watch()
         return loop.recorder
     finally:
