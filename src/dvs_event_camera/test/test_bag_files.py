@@ -249,6 +249,33 @@ def test_a_database_that_was_cut_off_gives_the_messages_before(events, tmp_path)
     assert 0 < seen[0] < seen[1] < len(events)
 
 
+@pytest.mark.parametrize('compression', [None, 'BZ2', 'LZ4'])
+def test_a_bag_of_ros1_that_was_cut_off_gives_all_whole_messages(compression, events, tmp_path):
+    rosbag1 = pytest.importorskip('rosbags.rosbag1')
+    path = tmp_path / 'cut.bag'
+    writer = rosbag1.Writer(path)
+    writer.chunk_threshold = 2000
+    if compression:
+        writer.set_compression(rosbag1.Writer.CompressionFormat[compression])
+    with writer:
+        connection = writer.add_connection('/events', MESSAGE_TYPE, typestore=types())
+        for k, message in enumerate(packets(events, 40)):
+            writer.write(connection, START + k, types().cdr_to_ros1(message, MESSAGE_TYPE))
+    octets = path.read_bytes()
+    seen = []
+    for size in (len(octets) // 2, len(octets) * 3 // 4):
+        path.write_bytes(octets[:size])
+        parts = []
+        with pytest.raises(DamagedFile, match='ends in the middle of a record'):
+            for stretch in open_recording(path).read():
+                parts.append(stretch.events)
+        found = joined(parts)
+        assert np.array_equal(found.packed(), events.packed()[: len(found)])
+        seen.append(len(found))
+
+    assert 0 < seen[0] < seen[1] < len(events)
+
+
 def test_messages_that_are_broken_are_left_out_and_counted(events, tmp_path):
     messages = packets(events)
     whole = len(joined([part for k, part in enumerate(pieces(events, 6)) if k != 2]))

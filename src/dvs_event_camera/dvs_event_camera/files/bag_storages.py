@@ -12,13 +12,13 @@ from typing import Any, Protocol
 from dvs_common.errors import ParameterError
 from dvs_event_camera.files.bag_notes import BagNotes, notes_within
 from dvs_event_camera.files.damage import DamagedFile
-from dvs_event_camera.files.event_array import EVENT_ARRAY, event_array_from_ros1
 from dvs_event_camera.files.mcap_scan import ScannedMessage, scan_mcap
+from dvs_event_camera.files.ros1_scan import Ros1Messages, scan_ros1
 from dvs_event_camera.files.sqlite_scan import scan_sqlite
 
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 # What reads a file that rosbags refuses.
-_SCANS = {'.mcap': scan_mcap, '.db3': scan_sqlite}
+_SCANS = {'.mcap': scan_mcap, '.db3': scan_sqlite, '.bag': scan_ros1}
 # What rosbags raises on damaged files, beside its own errors.
 DAMAGE = (OSError, ValueError, TypeError, KeyError, EOFError, AssertionError, struct.error)
 
@@ -91,11 +91,10 @@ def opened_storage(path: Path) -> Storage:
         If nothing of it can be read.
     """
     try:
-        if path.suffix == '.bag':
-            return _Ros1Storage(path)
+        refusals = [import_module(f'rosbags.rosbag{n}').ReaderError for n in (1, 2)]
         try:
-            return _Ros2Storage(path)
-        except (import_module('rosbags.rosbag2').ReaderError, *DAMAGE):
+            return (_Ros1Storage if path.suffix == '.bag' else _Ros2Storage)(path)
+        except (*refusals, *DAMAGE):
             if path.suffix not in _SCANS:
                 raise
             return _Scanned(path, _SCANS[path.suffix])
@@ -147,7 +146,9 @@ class _Ros1Storage:
         self._reader.open()
         self.notes = BagNotes(distribution='ROS 1')
         self.topics = _topics_of(self._reader)
-        self._types = _ros1_types(self._reader.connections)
+        self._types = Ros1Messages()
+        for connection in self._reader.connections:
+            self._types.register(connection.msgtype, connection.msgdef.data)
 
     def messages(self, names: Collection[str] | None) -> Iterator[BagMessage]:
         """Messages; see `Storage.messages`."""
@@ -157,16 +158,11 @@ class _Ros1Storage:
                 yield BagMessage(
                     topic=BagTopic(name=connection.topic, type_name=connection.msgtype),
                     received_ns=received_ns,
-                    data=self._cdr(data, connection.msgtype),
+                    data=self._types.cdr(data, connection.msgtype),
                 )
         # A library raises whatever its decompressors raise.
         except Exception as error:
             raise DamagedFile(self._path, f'is damaged: {error}') from None
-
-    def _cdr(self, data: bytes, type_name: str) -> bytes:
-        if type_name == EVENT_ARRAY:
-            return event_array_from_ros1(data)
-        return bytes(self._types.ros1_to_cdr(data, type_name))
 
     def close(self) -> None:
         """Close the file."""
@@ -178,7 +174,9 @@ class _Scanned:
 
     def __init__(self, path: Path, scan: Callable[[Path], Iterator[ScannedMessage]]) -> None:
         self._path, self._scan = path, scan
-        self.notes = notes_within(path)
+        self.notes = (
+            BagNotes(distribution='ROS 1') if path.suffix == '.bag' else notes_within(path)
+        )
         found = set()
         try:
             for message in scan(path):
@@ -223,14 +221,3 @@ def _uncompressed(data: bytes) -> bytes:
     except zstandard.ZstdError as error:
         raise ValueError(f'a compressed message is broken: {error}') from None
     return found
-
-
-def _ros1_types(connections: list[Any]) -> Any:
-    typesys = import_module('rosbags.typesys')
-    # Whose Header has no seq, as in what is to come out.
-    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for connection in connections:
-        if connection.msgtype not in types.fielddefs:
-            known = typesys.get_types_from_msg(connection.msgdef.data, connection.msgtype)
-            types.register({k: v for k, v in known.items() if k not in types.fielddefs})
-    return types
