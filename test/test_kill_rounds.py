@@ -35,7 +35,7 @@ class Rounds:
         self.file = CONFIG / FILES[mode]
         self.scenario = load_scenario(self.file)
         self.running = {}
-        self.certified_windows = 0
+        self.exact_windows = self.certified_windows = 0
         self.luminosity, self.estimate, self.states = {}, {}, []
         self.health = {}
         node = operator.node
@@ -122,6 +122,7 @@ class Rounds:
         if before is None or after is None:
             return 0.0
         stamps = self.luminosity.keys() & self.estimate.keys()
+        self.exact_windows += bool(stamps)
         self.certified_windows += bool(stamps) and was_certified and self._is_certified()
         ratios = [
             np.abs(self.estimate[s] - self.luminosity[s]) / np.abs(self.luminosity[s])

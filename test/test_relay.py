@@ -95,6 +95,7 @@ def relayed(seed, samples, domain, processes, mode='lockstep'):
         ratio = rounds.ratio_while_exact()
         assert ratio <= 1 + ROUNDING, (ratio, rounds.health)
         disturbed = relay.disturbed
+        assert rounds.exact_windows > 2
     stop_all(processes)
     return disturbed
 
