@@ -212,41 +212,36 @@ def test_a_bag_of_ros_1(kind, events, tmp_path):
     assert open_recording(path).width == 346
 
 
-def test_a_bag_that_was_cut_off_gives_all_whole_messages(events, tmp_path):
-    folder = write_bag(tmp_path / 'bag', {'/events': (MESSAGE_TYPE, packets(events, 40))})
-    octets = next(folder.glob('*.mcap')).read_bytes()
-    path = tmp_path / 'cut.mcap'
-    seen = []
-    for size in (len(octets) // 2, len(octets) * 3 // 4):
-        path.write_bytes(octets[:size])
-        parts = []
-        with pytest.raises(DamagedFile, match='ends in the middle of a record'):
-            for stretch in open_recording(path).read():
-                parts.append(stretch.events)
-        found = joined(parts)
-        assert np.array_equal(found.packed(), events.packed()[: len(found)])
-        seen.append(len(found))
-
-    assert 0 < seen[0] < seen[1] < len(events)
-
-
-def test_a_database_that_was_cut_off_gives_the_messages_before(events, tmp_path):
-    folder = tmp_path / 'bag'
-    write_bag(folder, {'/events': (MESSAGE_TYPE, packets(events, 40))}, storage='SQLITE3')
-    path = next(folder.glob('*.db3'))
+def check_cut_off(path, events, shares, reason):
+    """Cut off a bag at two shares of its bytes: all whole messages are there, and no others."""
     octets = path.read_bytes()
     seen = []
-    for size in (len(octets) * 3 // 4, len(octets) * 7 // 8):
-        path.write_bytes(octets[:size])
+    for share in shares:
+        path.write_bytes(octets[: round(share * len(octets))])
         parts = []
-        with pytest.raises(DamagedFile, match='is cut off or damaged'):
+        with pytest.raises(DamagedFile, match=reason):
             for stretch in open_recording(path).read():
                 parts.append(stretch.events)
         found = joined(parts)
         assert np.array_equal(found.packed(), events.packed()[: len(found)])
         seen.append(len(found))
-
     assert 0 < seen[0] < seen[1] < len(events)
+
+
+@pytest.mark.parametrize(
+    ('storage', 'shares', 'reason'),
+    [
+        ('MCAP', (0.5, 0.75), 'ends in the middle of a record'),
+        # The root of its tree of messages is in the first half of so small a database.
+        ('SQLITE3', (0.75, 0.875), 'is cut off or damaged'),
+    ],
+)
+def test_a_bag_that_was_cut_off_gives_all_whole_messages(
+    storage, shares, reason, events, tmp_path
+):
+    messages = {'/events': (MESSAGE_TYPE, packets(events, 40))}
+    folder = write_bag(tmp_path / 'bag', messages, storage=storage)
+    check_cut_off(next(folder.glob('bag.*')), events, shares, reason)
 
 
 @pytest.mark.parametrize('compression', [None, 'BZ2', 'LZ4'])
@@ -261,19 +256,7 @@ def test_a_bag_of_ros1_that_was_cut_off_gives_all_whole_messages(compression, ev
         connection = writer.add_connection('/events', MESSAGE_TYPE, typestore=types())
         for k, message in enumerate(packets(events, 40)):
             writer.write(connection, START + k, types().cdr_to_ros1(message, MESSAGE_TYPE))
-    octets = path.read_bytes()
-    seen = []
-    for size in (len(octets) // 2, len(octets) * 3 // 4):
-        path.write_bytes(octets[:size])
-        parts = []
-        with pytest.raises(DamagedFile, match='ends in the middle of a record'):
-            for stretch in open_recording(path).read():
-                parts.append(stretch.events)
-        found = joined(parts)
-        assert np.array_equal(found.packed(), events.packed()[: len(found)])
-        seen.append(len(found))
-
-    assert 0 < seen[0] < seen[1] < len(events)
+    check_cut_off(path, events, (0.5, 0.75), 'ends in the middle of a record')
 
 
 def test_messages_that_are_broken_are_left_out_and_counted(events, tmp_path):
