@@ -97,11 +97,13 @@ def run(options: argparse.Namespace) -> int:
                     if not is_told and time.monotonic() >= next_question:
                         parameters.ask()
                         next_question = time.monotonic() + _ASK_PERIOD_S
-                        if parameters.scenario is not None:
+                        if parameters.complete and parameters.scenario is not None:
                             recorder.keep_scenario(parameters.scenario, name)
                     tool.spin(_TURN_S)
                     recorder.keep_up()
                     progress.update(elapsed)
+            if scenario is None and parameters.scenario is not None:
+                recorder.keep_scenario(parameters.scenario, name)
     print(_summary(recorder, path))
     if recorder.failure is not None:
         print(f'dvs_closed_loop record: {recorder.failure}', file=sys.stderr)
