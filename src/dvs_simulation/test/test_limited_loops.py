@@ -45,3 +45,29 @@ def test_without_anti_windup_the_same_actuator_loses_the_light(monkeypatch):
 
     with pytest.raises(ValueError, match='leads to the luminosity'):
         run_sampled(LOOP.replace(command_rate_limit=[150.0]))
+
+
+def test_a_slow_plant_spends_its_limits_on_catching_up():
+    """A share of 0.1, right for a plant that grows at 5/s, would leave it outside for 8 s."""
+    slow = Scenario.from_values(
+        {
+            'state_matrix': [0.1],
+            'input_matrix': [1.0],
+            'output_vector': [1.0],
+            'pixel_offsets': [1.5],
+            'pixel_grid': [1, 1],
+            'initial_state': [0.3],
+            'set_point': [0.0],
+            'tolerance': 0.1,
+            'event_threshold': 0.01,
+            'sampling_period': 0.02,
+            'duration': 3.0,
+            'bandwidth_limit': 20.0,
+            'reference_uncertainty': 0.001,
+        }
+    )
+    free = run_sampled(slow)
+    limited = run_sampled(slow.replace(command_limit=[0.3 * np.abs(commands_of(free)).max()]))
+
+    assert limited.controller.limiter.limited > 3
+    assert final_error(limited) < slow.objective.tolerance

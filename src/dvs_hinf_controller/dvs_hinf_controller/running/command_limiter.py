@@ -13,8 +13,9 @@ from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.riccati import stabilizing_solution
 
 _KEPT_STEPS = 16
-# Share of the limits that a lag as large as the luminosity is worth; 1/s.
-_EFFORT = 0.1
+# Share of the limits that a lag as large as the luminosity is worth, times the rate at which the
+# plant runs away, 1/s. A plant that is slower than this may use all.
+_EFFORT = 0.5
 _SLOWEST = 1.0
 
 
@@ -25,7 +26,8 @@ class CommandLimiter:
     ``lag' = A lag + B (u_K - u)``, u_K being K's own command and u the one that is sent. K sees
     ``c'lag`` added to its measurement, so that K and ``x + lag`` are the loop without limits,
     which is stable; and ``u = sat(u_K + F lag)`` takes the lag back, F being an LQR gain that
-    stabilises the plant with little effort: what has little to spare must not be asked for more
+    stabilises the plant with the less effort the faster it runs away: what has little to spare
+    must not be asked for more
     (Weston and Postlethwaite, Automatica 36(9), 2000, with a coprime factor of the plant).
     Without a command at its limit nothing changes: the lag is zero to the bit.
 
@@ -58,7 +60,7 @@ class CommandLimiter:
         fastest = max(np.abs(np.linalg.eigvals(model.state_matrix)).max(), _SLOWEST)
         scale = np.where(np.isfinite(magnitude), magnitude, rate / fastest)
         weight = np.diag(np.where(np.isfinite(scale), scale, scale[np.isfinite(scale)].max()) ** 2)
-        c = _EFFORT * model.gradients / (problem.mean_luminosity or 1.0)
+        c = _effort(model.state_matrix) * model.gradients / (problem.mean_luminosity or 1.0)
         b = model.input_matrix
         riccati = stabilizing_solution(model.state_matrix, b @ weight @ b.T, c.T @ c)
         if riccati is None:
@@ -163,3 +165,9 @@ class CommandLimiter:
             if len(self._steps) < _KEPT_STEPS:
                 self._steps[duration_s] = step
         return step
+
+
+def _effort(state_matrix: FloatArray) -> float:
+    """Share of the limits for a lag: the faster a plant runs away, the less it has to spare."""
+    fastest = float(np.linalg.eigvals(state_matrix).real.max())
+    return _EFFORT / max(fastest, _EFFORT)
