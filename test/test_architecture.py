@@ -19,6 +19,7 @@ ROS_ROOMS = {
     'dvs_common': {
         'node.demanded_publisher',
         'node.direct_calls',
+        'node.fitting_subscription',
         'node.ros_parameters',
         'node.session',
         'node.spin',

@@ -1,12 +1,24 @@
 """Plants and controllers in plain rclpy, with whatever QoS their writers thought of."""
 
 import json
+import re
 import stat
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from documentation import blocks_of
-from loop_support import ROOT, operating, ros_arguments, run_closed_loop, start, stop_all
+from loop_support import (
+    ROOT,
+    UNHURRIED,
+    environment,
+    operating,
+    ros_arguments,
+    run_closed_loop,
+    start,
+    stop_all,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
@@ -59,6 +71,55 @@ def test_no_subscriber_gets_a_message_twice(domain, processes):
     stop_all(processes)
 
     assert len(commands) == 1
+
+
+def test_nodes_take_what_a_publisher_of_any_qos_offers_and_say_so(domain, processes):
+    for executable in ('event_camera', 'hinf_controller'):
+        processes.append(start(executable, domain, ros_arguments()))
+    with operating(domain) as plant:
+        luminosity = plant.node.create_publisher(Image, 'luminosity', BEST_EFFORT)
+        commands = plant.hear(JointState, 'command', VOLATILE)
+        assert plant.spin_until(lambda: luminosity.get_subscription_count() > 0)
+        assert plant.spin_until(lambda: bool(plant.node.get_publishers_info_by_topic('command')))
+
+        def answered():
+            luminosity.publish(first_sample())
+            return plant.spin_until(lambda: bool(commands), timeout_s=0.5)
+
+        assert plant.spin_until(answered)
+    camera, controller = stop_all(processes)
+
+    assert camera.count('luminosity has a publisher with best-effort QoS: taken best effort') == 1
+    assert 'best effort' not in controller
+
+
+def test_the_example_of_a_listener_tells_what_its_depth_has_cost(domain, processes):
+    for executable in ('event_camera', 'hinf_controller', 'plant_sim'):
+        processes.append(start(executable, domain, ros_arguments(UNHURRIED)))
+    listeners = [
+        subprocess.Popen(
+            [
+                *(sys.executable, ROOT / 'examples' / 'listener.py'),
+                *('--depth', str(depth), '--away', '1', '--seconds', '6'),
+            ],
+            env=environment(domain),
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for depth in (2, 4000)
+    ]
+    shallow, deep = (listener.communicate(timeout=60)[0] for listener in listeners)
+    stop_all(processes)
+
+    numbers = [
+        re.search(r'(\d+) packets, (\d+) events .* (\d+) missed', o) for o in (shallow, deep)
+    ]
+    (packets, events, missed), (all_packets, all_events, none) = (
+        tuple(map(int, found.groups())) for found in numbers
+    )
+    assert none == 0 < missed
+    assert all_events > events > 0
+    assert all_packets > packets > 0
 
 
 def test_a_plant_that_publishes_no_state_gets_a_statement_of_what_is_not_judged(domain, tmp_path):

@@ -56,6 +56,7 @@ RELATIVES = {
         'test_a_publisher_that_appears_without_latching_is_recorded',
         'test_a_subscription_asks_for_what_every_publisher_offers',
         'test_a_late_subscriber_in_lockstep_gets_the_message_that_waits',
+        'test_nodes_take_what_a_publisher_of_any_qos_offers_and_say_so',
     ),
     '10-pictures-of-16-bits-and-floats': (
         'test_pictures_of_16_bits_and_floats_keep_their_ratios',

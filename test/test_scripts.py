@@ -15,6 +15,7 @@ ELSEWHERE = {
     'compile_kernels.py': 'setup.sh runs it, in every checkout that is tested',
     'dashboard_screenshot.py': 'needs chromium; the page itself is tested by test_dashboard',
     'library_doc.py': 'test_library',
+    'listener_table.py': 'it takes a running loop; test_plants_of_others runs its listener',
     'parameters_doc.py': 'test_docs',
     'security_policy.py': 'test_security',
     'version.py': 'test_manifests',

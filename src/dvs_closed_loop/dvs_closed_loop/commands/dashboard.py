@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.params_file) if options.params_file else None
     with tool_node('dashboard', options.namespace, options.ros_arguments) as tool:
         view = LiveView(options.namespace.strip('/'))
-        DashboardListener(tool.node, view)
+        listener = DashboardListener(tool.node, view)
         parameters = LoopParameters(tool.node)
         server = DashboardServer(options.host, options.port)
         print(f'dashboard: {server.url}  (Ctrl-C ends it)', flush=True)
@@ -65,8 +65,10 @@ def run(options: argparse.Namespace) -> int:
         try:
             while not tool.stop.received:
                 tool.spin(_FRAME_S)
-                if scenario is None and time.monotonic() >= next_question:
-                    parameters.ask()
+                if time.monotonic() >= next_question:
+                    listener.look()
+                    if scenario is None:
+                        parameters.ask()
                     next_question = time.monotonic() + _ASK_PERIOD_S
                 now = time.monotonic()
                 if view.has_news or now - idle_since >= _IDLE_FRAME_S:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock
@@ -13,11 +12,13 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.node.demanded_publisher import DemandedPublisher
 from dvs_common.node.direct_calls import AnyPublisher, DirectCalls, DirectPublisher
+from dvs_common.node.fitting_subscription import FittingSubscription
 from dvs_common.node.message_information import Arrivals, WithInformation
 from dvs_common.node.parameter_node import ParameterNode
 from dvs_common.node.token_publisher import TokenPublisher
@@ -64,6 +65,7 @@ class StreamNode(ParameterNode):
         self._active_since_s = 0.0
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
         self._looking: list[DemandedPublisher | TokenPublisher] = []
+        self._fitting: list[FittingSubscription] = []
         # Timers follow the wall clock, even where use_sim_time ties the node's clock to /clock.
         self._wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
 
@@ -138,6 +140,8 @@ class StreamNode(ParameterNode):
     ) -> None:
         """Subscribe to serialized messages; only an active node receives them.
 
+        Where publishers offer less than `qos`, it asks for no more than that, with a warning.
+
         A message that `handler` refuses with `MessageError` is counted and reported, once at
         first and then at most every five seconds; it never ends the node. Nor does a defect in
         `handler`, which is reported with its traceback.
@@ -169,17 +173,23 @@ class StreamNode(ParameterNode):
         def counted(message: bytes, information: Mapping[str, Any]) -> None:
             missed = arrivals.missed_before(information)
             # The numbers of several publishers have nothing to do with each other.
-            if missed and self.is_active and subscription.get_publisher_count() == 1:
+            if missed and self.is_active and fitting.subscription.get_publisher_count() == 1:
                 self.lost_messages += missed
             guarded(message)
 
-        subscription = self.create_subscription(
-            message_type, topic, WithInformation(counted), qos, raw=True
-        )
-        self._entities.append((self.destroy_subscription, subscription))
-        if self.direct is not None:
-            self.direct.listen(subscription, guarded, qos)
-            self._entities.append((partial(self.direct.ignore, handler=guarded), subscription))
+        def subscribe(qos: QoSProfile) -> Subscription[Any]:
+            return self.create_subscription(
+                message_type, topic, WithInformation(counted), qos, raw=True
+            )
+
+        fitting = FittingSubscription(self, subscribe, qos)
+        self._fitting.append(fitting)
+        self._entities.append((lambda own: self.destroy_subscription(own.subscription), fitting))
+        if direct := self.direct:
+            direct.listen(fitting.subscription, guarded, qos)
+            self._entities.append(
+                (lambda own: direct.ignore(own.subscription, handler=guarded), fitting)
+            )
 
     def expect_one_publisher(self, topic: str) -> None:
         """Make several publishers of a topic an error: their messages can't be told apart.
@@ -250,6 +260,9 @@ class StreamNode(ParameterNode):
     def _look(self) -> None:
         for publisher in self._looking:
             publisher.look()
+        for fitting in self._fitting:
+            if costs := fitting.look():
+                self.get_logger().warning(costs)
 
     def _let_arrive(self, seconds: float) -> None:
         """Wait until readers have what was published, or for a while."""
@@ -263,6 +276,7 @@ class StreamNode(ParameterNode):
 
     def _destroy_entities(self) -> None:
         self._looking.clear()
+        self._fitting.clear()
         self._sole.clear()
         while self._entities:
             destroy, entity = self._entities.pop()

@@ -5,10 +5,14 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from typing import Any
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
+from dvs_common.node.fitting_subscription import FittingSubscription
 from dvs_common.node.session import ros_session
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
@@ -34,7 +38,11 @@ class ShowEventsNode(Node):
         self._show = show
         self._decoder = CloudDecoder()
         self._next_report = time.monotonic() + _REPORT_S
-        self.create_subscription(PointCloud2, topic, self._take, topics.stream_qos(), raw=True)
+
+        def subscribe(qos: QoSProfile) -> Subscription[Any]:
+            return self.create_subscription(PointCloud2, topic, self._take, qos, raw=True)
+
+        self._fitting = FittingSubscription(self, subscribe, topics.stream_qos())
 
     def _take(self, message: bytes) -> None:
         try:
@@ -46,6 +54,8 @@ class ShowEventsNode(Node):
         """Report when it is time; return whether there is more to show."""
         if time.monotonic() >= self._next_report and not self._show.done:
             self._next_report += _REPORT_S
+            if costs := self._fitting.look():
+                self.get_logger().warning(costs)
             print(self._show.statistics.report(), file=sys.stderr, flush=True)
             self._show.statistics.reset()
         return not self._show.done
