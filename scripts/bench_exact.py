@@ -124,11 +124,12 @@ def compare(pixels: int, method: str, duration: float, slow_duration: float) -> 
     loop = bench_loop(pixels)
     slow, reference = cpu_seconds(lambda: by_solve_ivp(loop, slow_duration, method), 1)
 
-    def exact() -> Any:
+    def exact(seconds: float) -> Any:
         _cached_form.cache_clear()
-        return simulate(loop, duration=duration)
+        return simulate(loop, duration=seconds)
 
-    fast, run = cpu_seconds(exact, 5)
+    fast, run = cpu_seconds(lambda: exact(duration), 5)
+    once, _ = cpu_seconds(lambda: exact(slow_duration), 5)
     count = int(np.searchsorted(run.event_time, slow_duration, side='right'))
     times, order = np.array([event[0] for event in reference]), [event[1] for event in reference]
     if count != len(reference) or run.event_pixel[:count].tolist() != order:
@@ -137,6 +138,8 @@ def compare(pixels: int, method: str, duration: float, slow_duration: float) -> 
     if worst > 1e-6:
         raise SystemExit(f'r = {pixels}: event times differ by {worst:.3g} s')
     return {
+        'runs_a_second': 1 / once,
+        'slow_runs_a_second': 1 / slow,
         'slow': slow / slow_duration,
         'fast': fast / duration,
         'events': count,
@@ -170,6 +173,9 @@ def measure(quick: bool = False) -> dict[str, float]:
     ):
         result = compare(pixels, method, share * duration, share * slow_duration)
         figures[key] = result['slow'] / result['fast']
+        if pixels == 9:
+            figures['sweep_exact_runs_per_core_s'] = result['runs_a_second']
+            figures['sweep_solve_ivp_runs_per_core_s'] = result['slow_runs_a_second']
         print(
             f'{key}: {figures[key]:.0f} x  ({method} {result["slow"]:.3g}, exact '
             f'{result["fast"]:.3g} CPU s a second; {result["events"]} equal events, times within '
