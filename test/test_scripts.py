@@ -27,6 +27,7 @@ COMMANDS = {
     'figures_camera.py': ('--output', 'OUTPUT'),
     'profile_figure.py': ('--output', 'OUTPUT', '--wall', 'OUTPUT/wall.png'),
     'real_sensor_table.py': ('--quick', '--duration', '1', '--output', 'OUTPUT/real.png'),
+    'scale_figure.py': ('--output', 'OUTPUT/scale.png'),
     'textbook_figures.py': ('--quick', '--output', 'OUTPUT'),
     'trade_figure.py': ('--quick', '--output', 'OUTPUT/trade.png'),
 }

@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 
 _Handler = Callable[[bytes], None]
 # How long calls may follow each other before signals, timers and the middleware have their turn.
-_LONGEST_RUN_S = 5e-3
+_LONGEST_RUN_S = 0.02
 
 
 class DirectCalls:
@@ -112,7 +112,7 @@ class DirectCalls:
         self._pending.append((handler, message))
 
     def run(self) -> bool:
-        """Make the calls that wait and those that follow from them, for some milliseconds.
+        """Make the calls that wait and those that follow from them, for 20 ms at most.
 
         Returns
         -------
