@@ -81,3 +81,31 @@ def test_a_command_that_grows_old_is_held_or_replaced_or_ends_the_run(domain, pr
         code, output = stop(process)
         assert code == (policy == 'stop')
         assert f's old (stale_command: {policy})' in output
+
+
+def test_a_state_beyond_all_numbers_ends_the_plant_and_leaves_no_such_message(domain, processes):
+    """Without a command it grows by e in two milliseconds."""
+    parameters = {
+        'mode': 'realtime',
+        'sampling_period': PERIOD_S,
+        'duration': 0.0,
+        'state_matrix': [2.0, 10.0, 0.0, 500.0],
+        'initial_state': [24.6, 0.2],
+        'set_point': [24.5, 0.1],
+    }
+    command = pack_command(Vector(stamp_ns=0, names=('u1',), values=np.zeros(1)))
+    with operating(domain) as operator:
+        states = operator.hear(JointState, 'state', 1000)
+        publisher = operator.node.create_publisher(
+            JointState, topics.COMMAND, topics.handshake_qos('realtime')
+        )
+        operator.node.create_timer(0.05, lambda: publisher.publish(command))
+        plant = start('plant_sim', domain, ros_arguments(parameters))
+        processes.append(plant)
+        assert operator.spin_until(lambda: plant.poll() is not None)
+    output, _ = plant.communicate()
+    assert plant.returncode not in (0, None), output
+    assert 'the state has left the range of numbers' in output
+    assert 'Traceback' not in output
+    assert len(states) > 20
+    assert all(np.isfinite(state.position).all() for state in states)

@@ -156,11 +156,12 @@ class PlantNode(ManagedNode):
             Time of the sample, ns.
         """
         disturbance = self._scenario.disturbance.output_disturbance
-        luminosity = self.luminosity(self.plant.state) + disturbance
+        state = self.plant.state
+        luminosity = self.luminosity(state) + disturbance
         darkest, brightest = float(luminosity.min()), float(luminosity.max())
-        # NaN is not less than anything.
-        if not (-math.inf < darkest and brightest < math.inf):
-            self.finish(_FAILURE, f'the state has left the range of numbers: {self.plant.state}')
+        # NaN is not less than anything; a state may be one that no pixel sees.
+        if not (-math.inf < darkest and brightest < math.inf and math.isfinite(state.sum())):
+            self.finish(_FAILURE, f'the state has left the range of numbers: {state}')
             return
         if darkest <= 0 and self._scenario.sensor.photoreceptor == 'log':
             luminosity = self._nonphysical(stamp_ns, luminosity)
@@ -173,8 +174,8 @@ class PlantNode(ManagedNode):
         # First what the loop waits for, then what others look at.
         self._luminosity_publisher.publish(self._message)
         if self._state_publisher.wanted:
-            state = Vector(stamp_ns=stamp_ns, names=self._state_names, values=self.plant.state)
-            self._state_publisher.publish(pack_state(state))
+            vector = Vector(stamp_ns=stamp_ns, names=self._state_names, values=state)
+            self._state_publisher.publish(pack_state(vector))
 
     def send_again(self) -> None:
         """Publish the last luminosity once more."""
