@@ -279,7 +279,7 @@ NAMED = (
     Rule('ros2 topic echo .*', is_topic, 'ros2 comes with ROS from apt only'),
     Rule(RUN + '.*', is_executable, 'part of a command'),
     Rule(
-        r'scripts/\w+\.(sh|py)( loop| --fast| --long| --quick)?',
+        r'scripts/\w+\.(sh|py)( loop| scale| events| --fast| --long| --quick)?',
         is_script,
         'makes figures, or is in a block too',
     ),
