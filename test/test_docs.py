@@ -144,3 +144,26 @@ def test_what_contributing_names_beside_a_file_is_there():
         folder = folder if folder.is_dir() else folder.parent
         for name in re.findall(r'`(\w+\.py)`', row):
             assert (folder / name).is_file(), name
+
+
+TOOL = re.compile(r'\b(ros2 [a-z]+|rqt|rviz2|plotjuggler|colcon|rosdep)\b')
+
+
+def tools_of(text):
+    """ROS tools in the code of a page: between backticks, and after the start of a line."""
+    code = [
+        *re.findall(r'`([^`\n]+)`', text),
+        *re.findall(r'^(?:\$ )?(ros2 .*)$', text, re.MULTILINE),
+    ]
+    return {tool for piece in code if (match := TOOL.match(piece)) for tool in [match[1]]}
+
+
+def test_every_ros_tool_that_a_page_names_is_said_to_have_been_tried_or_not():
+    index = (ROOT / 'docs' / 'README.md').read_text(encoding='utf-8')
+    table = index.partition('## ROS tools')[2]
+    tried = set(TOOL.findall(table))
+    named = set()
+    for page in (ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *(ROOT / 'docs').glob('*.md')):
+        named |= tools_of(page.read_text(encoding='utf-8'))
+
+    assert {'ros2 run', 'ros2 bag', 'ros2 launch', 'rqt', 'colcon'} <= named <= tried

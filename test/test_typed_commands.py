@@ -268,7 +268,7 @@ TYPED = (
 )
 NAMED = (
     Rule(
-        'ros2 (run|launch|bag|bag record|bag play|param get|param set)',
+        'ros2 (run|launch|topic|param|lifecycle|security|bag|(bag (record|play|convert))|param [gs]et)',
         nothing,
         'no whole command',
     ),
