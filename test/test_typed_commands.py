@@ -268,7 +268,7 @@ TYPED = (
 )
 NAMED = (
     Rule(
-        'ros2 (run|launch|topic|param|lifecycle|security|bag|(bag (record|play|convert))|param [gs]et)',
+        'ros2 (run|launch|topic|lifecycle|security|param( [gs]et)?|bag( (record|play|convert))?)',
         nothing,
         'no whole command',
     ),
