@@ -160,7 +160,7 @@ class PlantNode(ManagedNode):
         luminosity = self.luminosity(state) + disturbance
         darkest, brightest = float(luminosity.min()), float(luminosity.max())
         # NaN is not less than anything; a state may be one that no pixel sees.
-        if not (-math.inf < darkest and brightest < math.inf and math.isfinite(state.sum())):
+        if not (-math.inf < darkest and brightest < math.inf and math.isfinite(np.sum(state))):
             self.finish(_FAILURE, f'the state has left the range of numbers: {state}')
             return
         if darkest <= 0 and self._scenario.sensor.photoreceptor == 'log':
