@@ -57,8 +57,25 @@ class LateRun:
     greedy: FloatArray
 
 
-def run_late(problem: DesignProblem, controller: LinearController, run: LateRun) -> FloatArray:
-    """Deviations ``x - x_d`` at all ticks, shape (K TICKS, n); NaN from a dark pixel on.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LatePath:
+    """What a run leaves.
+
+    Parameters
+    ----------
+    deviations
+        ``x - x_d`` at all ticks, shape (K TICKS, n); NaN from a dark pixel on.
+    counts
+        Sum of the polarities of every pixel up to every sample, shape (K, r); those of a dark
+        pixel's last period and later are zero.
+    """
+
+    deviations: FloatArray
+    counts: NDArray[np.int64]
+
+
+def run_late(problem: DesignProblem, controller: LinearController, run: LateRun) -> LatePath:
+    """Run the loop.
 
     Parameters
     ----------
@@ -83,8 +100,10 @@ def run_late(problem: DesignProblem, controller: LinearController, run: LateRun)
         problem.bounds, event_threshold=run.event_threshold, log_base=problem.log_base
     )
     path = np.full((run.latencies.size * TICKS, n), math.nan)
+    counts = np.zeros((run.latencies.size, problem.scene.pixel_count), np.int64)
     _run(
         path,
+        counts,
         run.deviation.astype(np.float64),
         step,
         problem.model.gradient,
@@ -100,12 +119,13 @@ def run_late(problem: DesignProblem, controller: LinearController, run: LateRun)
         run.disturbance,
         run.greedy,
     )
-    return path
+    return LatePath(deviations=path, counts=counts)
 
 
 @jit
 def _run(
     path: FloatArray,
+    counted: NDArray[np.int64],
     x: FloatArray,
     step: FloatArray,
     c: FloatArray,
@@ -133,6 +153,8 @@ def _run(
     applied = -1
     follows = np.array([np.any(row != 0.0) for row in greedy])
     for sample in range(late.size):
+        for i in range(r):
+            counted[sample, i] = int(counts[i])
         for j in range(m):
             commands[sample, j] = (out[j] * q).sum().real
         level = np.log(light + c @ x)

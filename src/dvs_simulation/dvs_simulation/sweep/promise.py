@@ -276,7 +276,7 @@ def _run(case: PromiseCase, freedom: Freedom) -> FloatArray:
             disturbance=freedom.push * operation.disturbance_bound,
             greedy=freedom.greedy,
         ),
-    )
+    ).deviations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
