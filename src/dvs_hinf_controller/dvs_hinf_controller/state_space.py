@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,6 +69,13 @@ class StateSpace:
     def poles(self) -> ComplexArray:
         """Eigenvalues of `a`, shape (n,)."""
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
+
+    @property
+    def abscissa(self) -> float:
+        """Largest real part that a pole may have, to rounding; minus infinity without states."""
+        poles = self.poles()
+        rounding = np.finfo(float).eps * float(np.max(np.abs(poles), initial=0.0))
+        return float(np.max(poles.real, initial=-math.inf)) + rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

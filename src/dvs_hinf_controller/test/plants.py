@@ -45,11 +45,11 @@ def one_input_gains(model: PlantModel, s: np.ndarray) -> tuple[np.ndarray, np.nd
 def nevanlinna_pick_optimum(model: PlantModel, *, structured: bool) -> float:
     """Infimum of ``sup ||G||`` or of mu for one input, by interpolation, not Riccati equations.
 
-    T(p) = -1 at unstable poles and T(z) = 0 at right half plane zeros, real and distinct; the
+    T(p) = -1 at unstable poles and T(z) = 0 at right half plane zeros, all distinct; the
     weight is the outer function with ``|V| = ||G||/|T|`` or ``1 + ||G||/|T|``.
     """
     poles = np.linalg.eigvals(model.state_matrix)
-    poles = poles[poles.real > 0].real
+    poles = poles[poles.real > 0]
     zeros = _right_half_plane_zeros(model)
     frequencies = np.geomspace(1e-5, 1e6, 40001)
     output, state = one_input_gains(model, 1j * frequencies)
@@ -66,8 +66,8 @@ def nevanlinna_pick_optimum(model: PlantModel, *, structured: bool) -> float:
         for s in points
     ]
     values = np.array(outer) * np.concatenate([-np.ones(poles.size), np.zeros(zeros.size)])
-    sums = points[:, None] + points[None, :]
-    pick = scipy.linalg.eigh(np.outer(values, values) / sums, 1 / sums, eigvals_only=True)
+    sums = points[:, None] + points[None, :].conj()
+    pick = scipy.linalg.eigh(np.outer(values, values.conj()) / sums, 1 / sums, eigvals_only=True)
     return float(np.sqrt(pick[-1]))
 
 
@@ -81,4 +81,4 @@ def _right_half_plane_zeros(model: PlantModel) -> np.ndarray:
     )
     mass = scipy.linalg.block_diag(np.eye(n), np.zeros((1, 1)))
     zeros = scipy.linalg.eigvals(pencil, mass)
-    return zeros[np.isfinite(zeros) & (zeros.real > 0) & (np.abs(zeros) < 1e6)].real
+    return zeros[np.isfinite(zeros) & (zeros.real > 0) & (np.abs(zeros) < 1e6)]

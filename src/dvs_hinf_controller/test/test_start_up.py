@@ -65,9 +65,10 @@ def test_the_sector_is_that_of_the_running_threshold(design):
 
 def test_nothing_is_warned_of_below_the_bounds(design):
     certified = design.figures.h_certified
-    longest = design.figures.max_sampling_period
+    nyquist = 3.14 / design.figures.fastest_pole
 
-    assert report(design, threshold=certified, period=longest).warnings == ()
+    assert nyquist < design.figures.max_sampling_period
+    assert report(design, threshold=certified, period=nyquist).warnings == ()
 
 
 def test_a_threshold_beyond_h_certified_is_warned_of(design):
@@ -105,7 +106,7 @@ def test_a_sampling_period_beyond_the_longest_is_warned_of(design):
     warnings = report(design, period=1.001e-3, max_sampling_period=1e-3).warnings
 
     assert len(warnings) == 1
-    assert 'sampling_period = 0.001001 s exceeds 0.001 s' in warnings[0]
+    assert 'at sampling_period = 0.001001 s the loop is unstable' in warnings[0]
 
 
 @pytest.mark.parametrize(('holds', 'word'), [(True, 'yes'), (False, 'NO')])
@@ -124,3 +125,17 @@ def test_a_dark_set_point_is_no_place_for_a_promise():
     assert warning.startswith('pixel 2 has the luminosity -0.008')
     assert darkness_warnings(problem, 'signed_log') == ()
     assert darkness_warnings(DesignProblem.from_scenario(Scenario.from_values({})), 'log') == ()
+
+
+def test_a_pole_beyond_what_the_sampling_allows_names_the_parameters_that_slow_it(design):
+    fast = report(design, period=1e-3, fastest_pole=5300.0).warnings
+    slow = report(design, period=1e-3, fastest_pole=3100.0).warnings
+
+    assert [warning for warning in fast if warning not in slow] == [
+        'the fastest pole of the controller, 5300 rad/s, lies beyond pi / sampling_period = '
+        '3142 rad/s: a larger gamma_slack with a lower bandwidth_limit slows it down'
+    ]
+
+
+def test_no_feedback_at_all_is_warned_of(design):
+    assert 'no feedback at all' in report(design, state_peak_gain=0.0).warnings[0]

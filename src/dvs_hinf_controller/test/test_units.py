@@ -184,3 +184,25 @@ def test_a_plant_of_many_states_has_a_certified_design(problem_of) -> None:
 
     assert np.linalg.eigvals(a).real.max() > 0.4
     assert thresholds['certified'] >= max(thresholds.values()) > 0
+
+
+@pytest.mark.parametrize('method', ['unstructured', 'structured', 'certified'])
+def test_a_state_may_have_any_unit_where_the_error_weighs_it(paper_problem, method) -> None:
+    """W = 1/unit of each state: the same question, though A and B spread over twelve decades."""
+    plain = paper_problem(1, mirror=True)
+    units = np.array([1e-6, 1e6])
+    other = dataclasses.replace(
+        plain,
+        model=model(
+            plain.model.state_matrix * units[:, None] / units,
+            plain.model.input_matrix * units[:, None],
+            plain.model.output_vector / units,
+        ),
+        equilibrium=dataclasses.replace(plain.equilibrium, state=plain.equilibrium.state * units),
+        error_weights=1 / units,
+    )
+    found, wanted = (
+        design_controller(problem, method=method).figures for problem in (other, plain)
+    )
+
+    assert found.h_certified == pytest.approx(wanted.h_certified, rel=5e-3)

@@ -15,6 +15,8 @@ _PLANE_RTOL = 1e-5
 _ASCENT_STARTS = 12
 _ASCENT_STEPS = 100
 _ASCENT_WORK = 3e7
+# Cosine from which on two directions count as one.
+_ALIKE = 0.98
 _RELAXATION_STEPS = 40
 _RELAXATION_RTOL = 3e-4
 _RELAXATION_WORK = 1e8
@@ -131,6 +133,17 @@ def _relaxed_maximum(kernel: WeightedVectors, v: FloatArray) -> float:
 def steepest_direction(kernel: WeightedVectors) -> FloatArray:
     """Unit vector v with a (locally) largest ``integral |v'g|``, shape (n,).
 
+    Parameters
+    ----------
+    kernel
+        Vectors and weights.
+    """
+    return steep_directions(kernel)[:, 0]
+
+
+def steep_directions(kernel: WeightedVectors) -> FloatArray:
+    """Unit vectors with locally largest ``integral |v'g|``, the largest first, shape (n, k).
+
     Every step moves to the gradient's direction, which never lowers a convex function.
 
     Parameters
@@ -150,4 +163,6 @@ def steepest_direction(kernel: WeightedVectors) -> FloatArray:
         if np.allclose(moved, v, rtol=0, atol=1e-12):
             break
         v = moved
-    return np.asarray(v[:, int(np.argmax(kernel.integral(v)))])
+    v = v[:, np.argsort(-kernel.integral(v), kind='stable')]
+    alike = np.tril(np.abs(v.T @ v) > _ALIKE, -1)
+    return np.asarray(v[:, ~alike.any(axis=1)])

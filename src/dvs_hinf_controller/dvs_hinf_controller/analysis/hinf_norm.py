@@ -53,7 +53,7 @@ def hinf_norm(system: StateSpace, *, rtol: float = 1e-7) -> HinfNorm:
         a refined peak and `upper` is never below a value that was attained.
     """
     system = balanced(system)
-    if system.order and float(np.max(system.poles().real)) >= 0:
+    if system.abscissa >= 0:
         return HinfNorm(lower=math.inf, upper=math.inf, frequency=math.nan)
     lower, frequency = _refined_peak(system)
     for _ in range(_MAX_PASSES):

@@ -83,7 +83,7 @@ def mu_bounds(g: StateSpace, output_vector: FloatArray, *, rtol: float = 5e-4) -
     MuBounds
         Infinite if `g` is unstable.
     """
-    if g.order and float(np.max(g.poles().real)) >= 0:
+    if g.abscissa >= 0:
         return MuBounds(lower=math.inf, upper=math.inf, worst_case=None)
     frequency = _peak(g, output_vector)
     lower = float(mu_response(g, output_vector, np.array([frequency]))[0])

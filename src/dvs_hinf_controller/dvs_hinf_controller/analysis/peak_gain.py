@@ -64,7 +64,7 @@ def peak_gains(
         no bound. Zero where no feedback answers w and the plant is stable by itself.
     """
     infinite = PeakGains(state=math.inf, state_lower=0.0, output=math.inf, output_lower=0.0)
-    if g.order and float(np.max(g.poles().real)) >= 0:
+    if g.abscissa >= 0:
         return infinite
     if not np.any(g.b) or not np.any(g.c):
         return PeakGains(state=0.0, state_lower=0.0, output=0.0, output_lower=0.0)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.analysis.largest_level import largest_level
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
 from dvs_hinf_controller.analysis.peak_gain import ChannelGains
 from dvs_hinf_controller.analysis.sampled_gains import Gains, SampledGains
@@ -18,8 +19,6 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
-_BISECTIONS = 60
-_MOST_SECTOR = 18.0
 _ROUNDS = 30
 
 
@@ -41,15 +40,15 @@ class Held:
     output: float
     commands: FloatArray
 
-    def meets(self, problem: DesignProblem) -> bool:
-        """Whether error and output stay within the tolerances of a problem.
+    def excess(self, problem: DesignProblem) -> float:
+        """Error or output over its tolerance, whichever is larger; at most 1 where both hold.
 
         Parameters
         ----------
         problem
             What is asked.
         """
-        return self.error <= problem.tolerance and self.output <= problem.output_tolerance
+        return max(self.error / problem.tolerance, self.output / problem.output_tolerance)
 
 
 class Promise:
@@ -122,7 +121,7 @@ class Promise:
         """
         problem, m = self._problem, self._problem.model.input_count
         nothing = Held(error=math.inf, output=math.inf, commands=np.full(m, math.inf))
-        if not self.is_stable:
+        if not self.is_stable or not all(np.isfinite(g.output).all() for g in self._measurements):
             return nothing
         luminosity = np.abs(problem.set_point_luminosity)
         unknown = self._operation.output_disturbance
@@ -302,7 +301,7 @@ def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Hel
         Bounds by the sectors of the pixels.
     """
     ones = np.ones(problem.scene.pixel_count)
-    largest = _largest(lambda level: held(math.tanh(level) * ones).meets(problem), low=0.0)
+    largest = largest_level(lambda level: held(math.tanh(level) * ones).excess(problem), low=0.0)
     if math.isinf(largest):
         return math.inf if largest > 0 else 0.0
     return math.tanh(largest)
@@ -323,11 +322,11 @@ def largest_threshold(problem: DesignProblem, held: Callable[[FloatArray], Held]
     """
     widths = 0.5 * np.log(problem.bounds.upper / problem.bounds.lower)
 
-    def holds(step: float) -> bool:
+    def excess(step: float) -> float:
         sectors = sectors_at(problem, step / math.log(problem.log_base))
-        return held(sectors).meets(problem)
+        return held(sectors).excess(problem)
 
-    return _largest(holds, low=-float(widths.max())) / math.log(problem.log_base)
+    return largest_level(excess, low=-float(widths.max())) / math.log(problem.log_base)
 
 
 def sectors_at(problem: DesignProblem, event_threshold: float) -> FloatArray:
@@ -344,18 +343,6 @@ def sectors_at(problem: DesignProblem, event_threshold: float) -> FloatArray:
     return np.asarray(
         np.tanh(np.maximum(event_threshold * math.log(problem.log_base) + widths, 0.0))
     )
-
-
-def _largest(holds: Callable[[float], bool], *, low: float) -> float:
-    if not holds(low):
-        return -math.inf
-    high = _MOST_SECTOR
-    if holds(high):
-        return math.inf
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
 
 
 def _through(matrix: FloatArray, sizes: FloatArray) -> FloatArray:

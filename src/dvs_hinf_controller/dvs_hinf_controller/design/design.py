@@ -306,7 +306,7 @@ def measure(
         If the closed loop is not stable, or settles too slowly.
     """
     g = state_response(problem.model, controller)
-    abscissa = float(np.max(g.poles().real))
+    abscissa = g.abscissa
     if not abscissa < 0:
         raise SynthesisError(
             Assumption.CONFIRMATION, f'a closed-loop pole has real part {abscissa:.3g}'

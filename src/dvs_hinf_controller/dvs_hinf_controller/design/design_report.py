@@ -15,6 +15,9 @@ from dvs_hinf_controller.design.certification import held_from
 from dvs_hinf_controller.design.design import Design, DesignFigures
 from dvs_hinf_controller.problem import DesignProblem
 
+# Less does not show in the digits that are printed.
+_NO_COST = 5e-5
+
 
 def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
     """Figures of one or more designs, a column each, and what they say about the running h.
@@ -81,11 +84,16 @@ def _cost_rows(figures: DesignFigures) -> dict[str, str]:
     """Threshold of the continuous loop, and what each further part of the promise costs."""
     rows = {'h certified, continuous loop': _threshold(figures.h_certified_continuous)}
     for before, after in pairwise(figures.costs):
-        loss = before.threshold - after.threshold
-        rows[f'  {after.part}'] = f'{-loss:+.4f}' if math.isfinite(loss) else 'no promise is left'
-        if after.threshold == before.threshold:
-            rows[f'  {after.part}'] = 'costs nothing'
+        rows[f'  {after.part}'] = _cost(before.threshold, after.threshold)
     return rows
+
+
+def _cost(before: float, after: float) -> str:
+    if abs(before - after) < _NO_COST or before == after:
+        return 'costs nothing'
+    if not math.isfinite(before - after):
+        return 'no promise is left'
+    return f'costs {before - after:.4f}' if before > after else f'gains {after - before:.4f}'
 
 
 def _margin_rows(design: Design) -> dict[str, str]:

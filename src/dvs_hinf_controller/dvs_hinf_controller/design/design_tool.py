@@ -24,7 +24,7 @@ from dvs_hinf_controller.design.design import (
 )
 from dvs_hinf_controller.design.design_report import promise_text, report_text
 from dvs_hinf_controller.design.pareto import pareto, save_pareto
-from dvs_hinf_controller.design.start_up import darkness_warnings
+from dvs_hinf_controller.design.start_up import darkness_warnings, design_warnings
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
@@ -162,27 +162,12 @@ def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool, as_l
     for warning in darkness_warnings(problem, scenario.sensor.photoreceptor):
         print(f'warning: {warning}', file=sys.stderr)
     for design in designs:
-        if scenario.sensor.event_threshold > design.figures.h_certified:
-            print(
-                f'warning: {design.method}: event_threshold = '
-                f'{scenario.sensor.event_threshold:g} exceeds h_certified = '
-                f'{design.figures.h_certified:.4g}: nothing is promised',
-                file=sys.stderr,
-            )
-        if design.figures.state_peak_gain == 0:
-            print(
-                f'warning: {design.method}: no feedback at all, u is constant: nothing acts '
-                'against an error of the plant (model_uncertainty) or a disturbance',
-                file=sys.stderr,
-            )
-        if scenario.loop.sampling_period > design.figures.max_sampling_period:
-            print(
-                f'warning: {design.method}: at sampling_period = '
-                f'{scenario.loop.sampling_period:g} s the loop is unstable, stable up to '
-                f'{design.figures.max_sampling_period:.3g} s; '
-                'limit bandwidth_limit',
-                file=sys.stderr,
-            )
+        for warning in design_warnings(
+            design,
+            event_threshold=scenario.sensor.event_threshold,
+            sampling_period=scenario.loop.sampling_period,
+        ):
+            print(f'warning: {design.method}: {warning}', file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

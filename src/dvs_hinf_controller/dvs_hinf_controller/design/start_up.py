@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.problem import DesignProblem
+
+# Methods whose speed the slack of the norm decides; `certified` chooses it for the period.
+_SLACK_METHODS = ('unstructured', 'structured')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,13 +75,38 @@ def start_up_report(
         '  and not: noise events, lost messages, restarts, command_limit, the transient '
         '(docs/promise.md)',
     ]
-    warnings = []
+    warnings = design_warnings(
+        design, event_threshold=event_threshold, sampling_period=sampling_period
+    )
+    return StartUpReport(text='\n'.join(lines), warnings=warnings)
+
+
+def design_warnings(
+    design: Design, *, event_threshold: float, sampling_period: float
+) -> tuple[str, ...]:
+    """What a user of a design has to know before it runs, one sentence each.
+
+    Parameters
+    ----------
+    design
+        Controller and its figures.
+    event_threshold
+        h of the running loop.
+    sampling_period
+        Period of commands, s.
+    """
+    figures, warnings = design.figures, []
     if event_threshold > figures.h_certified:
         beyond = event_threshold > figures.h_star
         published = f', nor published (it exceeds h* = {figures.h_star:.6g})' if beyond else ''
         warnings.append(
             f'event_threshold = {event_threshold:.6g} exceeds h_certified = '
             f'{figures.h_certified:.6g}: nothing is promised for the loop that runs{published}'
+        )
+    if figures.state_peak_gain == 0:
+        warnings.append(
+            'no feedback at all, u is constant: nothing acts against an error of the plant '
+            '(model_uncertainty) or a disturbance'
         )
     if not figures.small_gain_ok:
         warnings.append(
@@ -86,10 +115,16 @@ def start_up_report(
         )
     if sampling_period > figures.max_sampling_period:
         warnings.append(
-            f'sampling_period = {sampling_period:g} s exceeds {figures.max_sampling_period:.3g} '
-            's, the longest at which the sampled loop is stable; see bandwidth_limit'
+            f'at sampling_period = {sampling_period:g} s the loop is unstable, stable up to '
+            f'{figures.max_sampling_period:.3g} s; lower bandwidth_limit'
         )
-    return StartUpReport(text='\n'.join(lines), warnings=tuple(warnings))
+    if design.method in _SLACK_METHODS and figures.fastest_pole * sampling_period > math.pi:
+        warnings.append(
+            f'the fastest pole of the controller, {figures.fastest_pole:.4g} rad/s, lies beyond '
+            f'pi / sampling_period = {math.pi / sampling_period:.4g} rad/s: a larger gamma_slack '
+            'with a lower bandwidth_limit slows it down'
+        )
+    return tuple(warnings)
 
 
 def darkness_warnings(problem: DesignProblem, photoreceptor: str) -> tuple[str, ...]:

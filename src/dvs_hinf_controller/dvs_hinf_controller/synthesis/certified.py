@@ -11,7 +11,7 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
-from dvs_hinf_controller.analysis.directions import WeightedVectors, steepest_direction
+from dvs_hinf_controller.analysis.directions import WeightedVectors, steep_directions
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.peak_gain import channel_gains
 from dvs_hinf_controller.analysis.plant_list import held_with_all
@@ -21,6 +21,7 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis.delayed_plant import delayed_plant
+from dvs_hinf_controller.synthesis.error_units import for_the_error
 from dvs_hinf_controller.synthesis.group_weights import (
     GroupWeights,
     best_weights,
@@ -48,10 +49,11 @@ _OBSERVER_RATES = (0.03, 4.0)
 # A delay below this share of the fastest filter's time constant is left out of the program.
 _LEAST_DELAY = 0.1
 _FASTEST_IN_DELAY = 4.0
-_MAX_CUTS = 6
+_MAX_CUTS = 12
 _LEAST_LUMINOSITY = 1e-3
 _SOLVERS = ('highs', 'highs-ipm')
 _CUT_RTOL = 5e-3
+_COUNTED = 0.9
 _REDUCTION_LOSS = 2e-3
 _COMPARISON_RTOL = 1e-3
 _SEARCH_RTOL = 1e-2
@@ -111,6 +113,7 @@ class _Search:
     newest: LinearController | None = None
     rivals: list[LinearController] = field(default_factory=list)
     failures: list[Exception] = field(default_factory=list)
+    directions: list[FloatArray] = field(default_factory=list)
 
     @property
     def units(self) -> Units:
@@ -142,7 +145,12 @@ class _Search:
         self.newest = None
         try:
             controller = synthesize()
-            score = _score(self.problem, controller, rtol=rtol)
+            abscissa = state_response(self.problem.model, controller).abscissa
+            if not abscissa < -self.problem.least_decay:
+                detail = f'a closed-loop pole has real part {abscissa:.3g}'
+                raise SynthesisError(Assumption.CONFIRMATION, detail)
+            with np.errstate(over='ignore', invalid='ignore'):  # without a bound: no candidate
+                score = _score(self.problem, controller, rtol=rtol)
         except (SynthesisError, np.linalg.LinAlgError) as error:
             self.failures.append(error)
             return -math.inf
@@ -153,7 +161,7 @@ class _Search:
 
     def add_rival(self, synthesize: Callable[[PlantModel], LinearController]) -> None:
         """Add the candidate of another method."""
-        self.add(lambda: settled(self.problem, synthesize))
+        self.add(lambda: for_the_error(self.problem, synthesize))
         if self.newest is not None:
             self.rivals.append(self.newest)
 
@@ -169,6 +177,7 @@ class _Search:
                 fastest=fastest,
                 delay=delay,
                 strictly_proper=self.problem.operation is not None,
+                directions=self.directions,
             )
             return units.controller(found)
 
@@ -237,7 +246,7 @@ def _score(
 ) -> float:
     """Relative error of the estimate that the loop bears; minus infinity if it bears none."""
     g = state_response(problem.model, controller)
-    if float(np.max(g.poles().real)) >= -problem.least_decay:
+    if not g.abscissa < -problem.least_decay:
         return -math.inf
     if problem.operation is None:
         gains = channel_gains(g, problem.model.gradients, weights=problem.error_weights, rtol=rtol)
@@ -255,6 +264,7 @@ def peak_to_peak(
     fastest: float,
     delay: float = 0.0,
     strictly_proper: bool = False,
+    directions: list[FloatArray] | None = None,
 ) -> LinearController:
     """Controller with the least ``N_G + N_T`` of a Youla family.
 
@@ -270,6 +280,9 @@ def peak_to_peak(
         Delay of the commands; 0 for none.
     strictly_proper
         Whether the controller must have no feedthrough.
+    directions
+        Directions of the state in which another family's kernel was large: to begin with. Those
+        of this family are put in their place.
 
     Raises
     ------
@@ -282,7 +295,8 @@ def peak_to_peak(
         rate=observer_rate * plant_rate(plant),
         strictly_proper=strictly_proper,
     )
-    return family.controller(_optimal_coefficients(family, plant.state_count))
+    known = [] if directions is None else directions
+    return family.controller(_optimal_coefficients(family, plant.state_count, known))
 
 
 def _filter_poles(model: PlantModel, fastest: float) -> FloatArray:
@@ -294,31 +308,43 @@ def _filter_poles(model: PlantModel, fastest: float) -> FloatArray:
     return np.asarray(np.geomspace(slowest, fastest, count))
 
 
-def _optimal_coefficients(family: YoulaFamily, states: int) -> FloatArray:
-    """Cutting planes: a direction v enters once ``integral |v'g|`` exceeds what is accounted."""
+def _optimal_coefficients(
+    family: YoulaFamily, states: int, directions: list[FloatArray]
+) -> FloatArray:
+    """Cutting planes: a direction v enters once ``integral |v'g|`` exceeds what is accounted.
+
+    The directions that count at the optimum are left in `directions`.
+    """
     times = family.time_grid()
-    with np.errstate(over='ignore', invalid='ignore'):  # refused by the linear program
+    with np.errstate(over='ignore', invalid='ignore'):
         nominal, responses = family.responses(times)
     nominal, responses = nominal[:, :states], responses[:, :states]
+    if not (np.isfinite(nominal).all() and np.isfinite(responses).all()):
+        raise SynthesisError(Assumption.CONFIRMATION, 'the responses exceed the range of numbers')
     weights = trapezoidal_weights(times)
     sizes = np.sum(weights[:, None, None] * np.abs(responses), axis=(0, 1)) + 1e-300
     responses = responses / sizes
     jump = family.jump(sizes)
-    theta = np.zeros(family.coefficient_count)
-    directions: list[FloatArray] = []
+    best, least = np.zeros(family.coefficient_count), math.inf
     for _ in range(_MAX_CUTS):
+        theta = np.zeros(family.coefficient_count)
+        if directions:
+            rows = [family.model.gradient[:states], *directions]
+            theta = _linear_program(rows, weights, nominal, responses, jump)
         kernel = WeightedVectors(values=nominal + responses @ theta, weights=weights)
-        v = steepest_direction(kernel)
-        worst = float(kernel.integral(v[:, None])[0])
-        accounted = max(
-            (float(kernel.integral(known[:, None])[0]) for known in directions), default=0.0
-        )
-        if worst <= accounted * (1 + _CUT_RTOL):
+        steep = steep_directions(kernel)
+        integrals = kernel.integral(steep)
+        output = float(kernel.integral(family.model.gradient[:states, None])[0])
+        accounted = max((float(kernel.integral(v[:, None])[0]) for v in directions), default=0.0)
+        if directions and integrals[0] + output < least:
+            best, least = theta, integrals[0] + output
+        if integrals[0] <= accounted * (1 + _CUT_RTOL):
             break
-        directions.append(v)
-        rows = [family.model.gradient[:states], *directions]
-        theta = _linear_program(rows, weights, nominal, responses, jump)
-    return np.asarray(theta / sizes)
+        high = integrals > max(accounted * (1 + _CUT_RTOL), _COUNTED * integrals[0])
+        directions += list(steep[:, high].T)
+    counted = [float(kernel.integral(v[:, None])[0]) >= _COUNTED * accounted for v in directions]
+    directions[:] = [v for v, counts in zip(directions, counted, strict=True) if counts]
+    return np.asarray(best / sizes)
 
 
 def _linear_program(
@@ -354,8 +380,8 @@ def _linear_program(
             totals[index, start + nodes * index : start + nodes * (index + 1)] = weights
     cost = np.zeros(k + 2 + 2 * parts)
     cost[k : k + 2] = 1.0
-    message = 'the responses of its family exceed the range of numbers'
-    for solver in _SOLVERS if np.isfinite(affine).all() and np.isfinite(fixed).all() else ():
+    message = ''
+    for solver in _SOLVERS:
         result = scipy.optimize.linprog(
             cost,
             A_ub=scipy.sparse.csr_array(totals),

@@ -10,9 +10,9 @@ from dvs_common.errors import ParameterError
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.certified import synthesize_certified
+from dvs_hinf_controller.synthesis.error_units import for_the_error
 from dvs_hinf_controller.synthesis.group_weights import synthesize_groups
 from dvs_hinf_controller.synthesis.options import DesignOptions
-from dvs_hinf_controller.synthesis.settling import settled
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 
 Synthesis = Callable[[DesignProblem, DesignOptions], LinearController]
@@ -41,17 +41,17 @@ class SynthesisMethod:
 METHODS = {
     method.name: method
     for method in (
-        # Minimise sup_w ||G(jw)||: H-infinity synthesis (paper, section IV.A).
+        # Minimise sup_w ||W G(jw)||: H-infinity synthesis (paper, section IV.A).
         SynthesisMethod(
             name='unstructured',
-            synthesize=lambda problem, options: settled(
+            synthesize=lambda problem, options: for_the_error(
                 problem, lambda model: synthesize_groups(problem, options, model)
             ),
         ),
-        # Minimise mu = sup_w (|T| + ||G||): the sector as it is (paper, section IV.A).
+        # Minimise mu = sup_w (|T| + ||W G||): the sector as it is (paper, section IV.A).
         SynthesisMethod(
             name='structured',
-            synthesize=lambda problem, options: settled(
+            synthesize=lambda problem, options: for_the_error(
                 problem, lambda model: synthesize_structured(model, options)
             ),
         ),
