@@ -77,7 +77,10 @@ def bare_trips(domain: int, seconds: float) -> NDArray[np.float64]:
     """Times of bare round trips of three hops, s."""
     context = multiprocessing.get_context('spawn')
     trips: Queue[list[float]] = context.Queue()
-    nodes = [context.Process(target=_hop, args=(i, domain, trips, seconds)) for i in range(3)]
+    nodes = [
+        context.Process(target=_hop, args=(i, domain, trips, seconds), daemon=True)
+        for i in range(3)
+    ]
     for node in nodes:
         node.start()
     times = np.array(trips.get(timeout=seconds + 30))
@@ -127,7 +130,7 @@ def _observed(
     context = multiprocessing.get_context('spawn')
     arrivals: Queue[dict[str, dict[int, int]]] = context.Queue()
     is_over = context.Event()
-    observer = context.Process(target=_observe, args=(domain, arrivals, is_over))
+    observer = context.Process(target=_observe, args=(domain, arrivals, is_over), daemon=True)
     observer.start()
     try:
         output = loop_output(domain, seconds, THREE_PROCESSES, 'mode:=realtime', *parameters)

@@ -71,7 +71,7 @@ def ring_rate(domain: int, seconds: float) -> float:
     rates: Queue[float] = context.Queue()
     matched = context.Barrier(3)
     nodes = [
-        context.Process(target=_ring_node, args=(i, domain, matched, rates, seconds))
+        context.Process(target=_ring_node, args=(i, domain, matched, rates, seconds), daemon=True)
         for i in range(3)
     ]
     for node in nodes:
@@ -126,7 +126,7 @@ def composed_ring_rate(domain: int, seconds: float) -> float:
     """Cycles per second of the trivial ring of three nodes in one process."""
     context = multiprocessing.get_context('spawn')
     rates: Queue[float] = context.Queue()
-    ring = context.Process(target=_composed_ring, args=(domain, rates, seconds))
+    ring = context.Process(target=_composed_ring, args=(domain, rates, seconds), daemon=True)
     ring.start()
     rate = rates.get(timeout=60)
     ring.join(timeout=10)

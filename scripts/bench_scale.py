@@ -63,7 +63,7 @@ def _run(
     }
     context = multiprocessing.get_context('spawn')
     rates: Queue[list[float]] = context.Queue()
-    listener = context.Process(target=_listen, args=(domain, rates, seconds))
+    listener = context.Process(target=_listen, args=(domain, rates, seconds), daemon=True)
     listener.start()
     try:
         if not rates.get(timeout=2 * _PATIENCE_S):
