@@ -209,6 +209,7 @@ RELATIVES = {
         'test_a_full_disk_names_the_table',
         'test_a_full_disk_ends_a_recording_with_an_error',
         'test_output_onto_a_full_disk_is_one_line',
+        'test_a_full_shared_memory_is_named_and_ends_no_program_by_a_bus_error',
     ),
 }
 

@@ -73,3 +73,32 @@ def test_a_home_without_a_log_folder_is_named_with_the_remedy(home, domain, tmp_
         # rcl and matplotlib may say something of their own before.
         assert 'set HOME, ROS_HOME or ROS_LOG_DIR' in run.stderr.splitlines()[-1], run.stderr
         assert 'Traceback' not in run.stderr
+
+
+def with_shared_memory(kilobytes, filled, command, domain):
+    """Run a command in a mount namespace whose /dev/shm has a size of its own."""
+    mounted = (
+        f'mount -t tmpfs -o size={kilobytes}k none /dev/shm && '
+        f'{{ head -c {filled}k /dev/zero >/dev/shm/x 2>/dev/null; exec "$@"; }}'
+    )
+    if subprocess.run(['unshare', '-m', 'true'], capture_output=True).returncode:
+        pytest.skip('needs the right to unshare mounts')
+    return subprocess.run(
+        ['unshare', '-m', 'bash', '-c', mounted, 'bash', *map(str, command)],
+        env=environment(domain),
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def test_a_full_shared_memory_is_named_and_ends_no_program_by_a_bus_error(domain, tmp_path):
+    command = [program('dvs_closed_loop'), 'record', tmp_path / 'bag', '--duration', '0.1']
+
+    full = with_shared_memory(4, 8, command, domain)
+    small = with_shared_memory(400, 100, command, domain)
+
+    assert full.returncode == 1
+    assert full.stderr == 'dvs_closed_loop: /dev/shm is full, and ROS needs some of it\n'
+    assert small.returncode == 0, small.stderr
+    assert 'messages go by UDP alone' in small.stderr

@@ -21,6 +21,8 @@ from types import FrameType
 # Ctrl-C, the end of a service, a closed terminal or ssh session.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+_LEAST_SHARED_MEMORY_BYTES = 1 << 16
+
 Handler = Callable[[int, FrameType | None], None]
 
 
@@ -50,6 +52,9 @@ def run_program(module: str) -> int:
     _handle(_leave)
     _let_warnings_be_warnings()
     _let_numba_have_a_thread()
+    if _shared_memory_is_full():
+        # The tracing library that rclpy loads would be killed by SIGBUS.
+        sys.modules['rclpy'] = None  # type: ignore[assignment]
     try:
         main = import_module(module).main
         _handle(_interrupt)
@@ -74,6 +79,9 @@ def run_program(module: str) -> int:
         missing = (error.name or 'dvs_').partition('.')[0]
         if missing.startswith('dvs_'):
             raise
+        if missing == 'rclpy' and _shared_memory_is_full():
+            print(f'{_program()}: /dev/shm is full, and ROS needs some of it', file=sys.stderr)
+            return 1
         print(
             f'{_program()}: needs the package {missing}, which is not installed', file=sys.stderr
         )
@@ -122,6 +130,14 @@ def _let_numba_have_a_thread() -> None:
             f'{_program()}: NUMBA_NUM_THREADS={wanted} is left out: it must be at least 1',
             file=sys.stderr,
         )
+
+
+def _shared_memory_is_full() -> bool:
+    try:
+        disk = os.statvfs('/dev/shm')
+    except OSError:
+        return False
+    return disk.f_blocks > 0 and disk.f_bavail * disk.f_frsize < _LEAST_SHARED_MEMORY_BYTES
 
 
 def _program() -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -29,6 +30,10 @@ from dvs_common.program import StopSignal
 _TURN_S = 0.1
 # Ports of DDS end there (RTPS 2.2, 9.6.1.1).
 _LAST_DOMAIN = 232
+
+_TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
+# What the middleware of a loop takes of it, with something to spare.
+_SHARED_MEMORY_BYTES = 8 << 20
 
 AnyNode = TypeVar('AnyNode', bound=Node)
 
@@ -117,6 +122,7 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
     stop = StopSignal()
     require_domain()
     require_discovery()
+    leave_full_shared_memory()
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -154,6 +160,24 @@ def require_discovery() -> None:
             discovery,
             'lets no node find another: set it to LOCALHOST or SUBNET',
         )
+
+
+def leave_full_shared_memory(folder: str = '/dev/shm') -> None:
+    """Let the middleware use UDP alone where it would be killed (SIGBUS) by a full /dev/shm.
+
+    Parameters
+    ----------
+    folder
+        Where shared memory is.
+    """
+    try:
+        disk = os.statvfs(folder)
+    except OSError:
+        return
+    free = disk.f_bavail * disk.f_frsize
+    if disk.f_blocks and free < _SHARED_MEMORY_BYTES and _TRANSPORTS not in os.environ:
+        os.environ[_TRANSPORTS] = 'UDPv4'
+        print(f'{folder} has {free >> 10} kB left: messages go by UDP alone', file=sys.stderr)
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
