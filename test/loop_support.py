@@ -225,16 +225,16 @@ class Operator(Visitor):
         answer = self.call(GetParameters, f'{node}/get_parameters', request)
         return parameter_value_to_python(answer.values[0])
 
-    def hear(self, kind: type, topic: str, qos: object = 10) -> list:
+    def collect(self, kind: type, topic: str, qos: object = 10) -> list:
         """List that grows with the messages of a topic."""
-        heard: list = []
-        self.node.create_subscription(kind, topic, heard.append, qos)
-        return heard
+        received: list = []
+        self.node.create_subscription(kind, topic, received.append, qos)
+        return received
 
-    def forget(self, *heard: list) -> None:
+    def forget(self, *received: list) -> None:
         """Empty these lists when the messages that still wait have come, too."""
         self.spin_until(lambda: False, timeout_s=0.3)
-        for messages in heard:
+        for messages in received:
             messages.clear()
 
 

@@ -37,7 +37,7 @@ def error(states, set_point):
 def test_a_new_set_point_is_reached_and_a_bad_one_changes_nothing(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 100)
+        states = operator.collect(JointState, 'state', 100)
         settle(operator, states)
         assert error(states, [0.2321, -0.0928]) < 0.05
 
@@ -109,8 +109,8 @@ def test_all_parameters_are_told_at_once_as_ros2_param_dump_asks(domain, process
 def test_a_new_threshold_keeps_the_estimate_in_its_sector(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
-        luminosities = operator.hear(Image, 'luminosity', 100)
-        estimates = operator.hear(JointState, 'estimate', 100)
+        luminosities = operator.collect(Image, 'luminosity', 100)
+        estimates = operator.collect(JointState, 'estimate', 100)
         settle(operator, luminosities, 800)
         refused = operator.set_parameters('hinf_controller', event_threshold=0.1)
         assert not refused.successful
@@ -137,7 +137,7 @@ def test_a_new_threshold_keeps_the_estimate_in_its_sector(domain, processes):
 def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 100)
+        states = operator.collect(JointState, 'state', 100)
         settle(operator, states, 200)
         refused = operator.set_parameters('plant_sim', real_time_factor=2.0, sampling_period=0.01)
         assert not refused.successful
@@ -158,7 +158,7 @@ def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
 def test_tolerance_and_display_change_on_the_way(domain, processes):
     start_loop(domain, processes, **UNHURRIED)
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
 
         def promised():
             status = latest(messages, 'hinf_controller')
@@ -173,7 +173,7 @@ def test_tolerance_and_display_change_on_the_way(domain, processes):
         assert operator.set_parameters('hinf_controller', tolerance=0.1).successful
         assert operator.spin_until(lambda: promised() > before)
 
-        pictures = operator.hear(Image, 'event_image', 100)
+        pictures = operator.collect(Image, 'event_image', 100)
         for rate, period_ms in ((100.0, 10), (250.0, 4)):
             assert operator.set_parameters('event_camera', display_rate=rate).successful
             operator.forget(pictures)
@@ -189,7 +189,7 @@ def test_the_estimator_follows_a_camera_with_another_threshold(domain, processes
     processes.append(start('event_camera', domain, ros_arguments({'event_threshold': 0.1})))
     processes.append(start('hinf_controller', domain))
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 100)
+        states = operator.collect(JointState, 'state', 100)
         settle(operator, states, 1000)
         assert error(states, [0.2321, -0.0928]) < 0.05
     _, output = stop(processes[-1])

@@ -10,8 +10,8 @@ LIMITED = {'command_limit': '[5.5]', 'command_rate_limit': '[500.0]', 'command_c
 
 def test_a_loop_sends_its_command_as_a_wrench_and_counts_what_was_limited(domain, processes):
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
-        wrenches = operator.hear(Wrench, 'wrench', 4000)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        wrenches = operator.collect(Wrench, 'wrench', 4000)
         for executable in NODES:
             own = LIMITED if executable == 'hinf_controller' else {}
             processes.append(start(executable, domain, ros_arguments({**UNHURRIED, **own})))

@@ -58,9 +58,9 @@ def test_a_loop_goes_on_through_mutated_messages_on_all_its_topics(domain, proce
     for executable in NODES:
         processes.append(start(executable, domain, ros_arguments(UNHURRIED)))
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 1000)
-        estimates = operator.hear(JointState, 'estimate', 1000)
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        states = operator.collect(JointState, 'state', 1000)
+        estimates = operator.collect(JointState, 'estimate', 1000)
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
         assert operator.spin_until(lambda: len(states) > 100, timeout_s=60)
         publishers = {
             topic: operator.node.create_publisher(kind, topic, qos)
@@ -88,7 +88,7 @@ def test_a_command_of_twenty_megabytes_costs_a_short_line(domain, processes):
     huge = JointState(name=['u1'] * 1_000_000, effort=[0.0] * 1_000_000)
     with operating(domain) as operator:
         publisher = operator.node.create_publisher(JointState, 'command', topics.latched_qos())
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
 
         def is_refused():
             # The first may come before the plant has met this publisher, and is not latched.

@@ -42,7 +42,7 @@ def is_exact(messages):
 def test_a_lockstep_plant_that_starts_again_gets_the_same_commands(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         commands = operator.streams[topics.COMMAND]
         assert operator.spin_until(lambda: len(commands) > 100)
         runs = []
@@ -80,8 +80,8 @@ def test_a_clock_that_steps_starts_a_realtime_loop_again(jump_s, said, domain, p
         nonphysical_luminosity='clamp',
     )
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
-        states = operator.hear(JointState, 'state', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        states = operator.collect(JointState, 'state', 100)
         clock = operator.node.create_publisher(Clock, '/clock', topics.clock_qos())
         time_s = 100.0
 
@@ -124,14 +124,14 @@ def test_a_controller_that_is_deactivated_leaves_the_input_that_holds(domain, pr
         nonphysical_luminosity='clamp',
     )
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
-        commands = operator.hear(JointState, 'command', topics.handshake_qos('realtime'))
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        commands = operator.collect(JointState, 'command', topics.handshake_qos('realtime'))
         assert operator.spin_until(lambda: len(commands) > 20)
         assert operator.transition('hinf_controller', 'deactivate')
         operator.spin_until(lambda: False, timeout_s=0.5)
-        heard = len(commands)
+        received = len(commands)
         operator.spin_until(lambda: False, timeout_s=0.5)
-        assert len(commands) == heard
+        assert len(commands) == received
         assert operator.spin_until(lambda: latest(messages, 'plant_sim') is not None)
         figures = values(latest(messages, 'plant_sim'))
     stop_all(processes)

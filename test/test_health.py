@@ -28,7 +28,7 @@ def test_a_running_loop_is_ok_and_goes_stale_without_its_plant(domain, processes
         arguments = ros_arguments({**UNHURRIED, 'event_threshold': 0.1})
         processes.append(start(executable, domain, arguments))
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         for node in NODES:
             assert reaches(operator, messages, node, DiagnosticStatus.OK, 'ok'), node
 
@@ -59,7 +59,7 @@ def test_a_running_loop_is_ok_and_goes_stale_without_its_plant(domain, processes
 def test_a_plant_without_partners_is_stale(domain, processes):
     processes.append(start('plant_sim', domain))
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         assert reaches(operator, messages, 'plant_sim', DiagnosticStatus.STALE, 'no command')
 
 
@@ -68,7 +68,7 @@ def test_a_threshold_above_h_certified_is_a_warning(domain, processes):
         arguments = ros_arguments({**UNHURRIED, 'event_threshold': 0.15})
         processes.append(start(executable, domain, arguments))
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         assert reaches(
             operator, messages, 'hinf_controller', DiagnosticStatus.WARN, 'not certified'
         )
@@ -85,6 +85,6 @@ def test_luminosity_without_logarithm_is_an_error(domain, processes):
     for executable in NODES:
         processes.append(start(executable, domain, ros_arguments(parameters)))
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         for node in ('plant_sim', 'event_camera'):
             assert reaches(operator, messages, node, DiagnosticStatus.ERROR, 'luminosity'), node

@@ -67,9 +67,9 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
     controller = start('hinf_controller', domain, ros_arguments({'event_threshold': H}))
     processes.append(controller)
     with operating(domain) as operator:
-        estimates = operator.hear(JointState, 'estimate', 100)
-        requests = operator.hear(Empty, 'keyframe_request', 100)
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        estimates = operator.collect(JointState, 'estimate', 100)
+        requests = operator.collect(Empty, 'keyframe_request', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         events = operator.node.create_publisher(
             PointCloud2, 'events', topics.handshake_qos('lockstep')
         )
@@ -78,9 +78,9 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
         )
 
         def send(message):
-            heard = len(estimates)
+            received = len(estimates)
             events.publish(message)
-            assert operator.spin_until(lambda: len(estimates) > heard)
+            assert operator.spin_until(lambda: len(estimates) > received)
 
         def keyframe(stamp_ns, counts, next_index=0):
             bounds = SCENARIO.model_reference_bounds
@@ -177,8 +177,8 @@ def test_unknown_references_end_a_controller_that_is_to_stop_then(domain, proces
         upper=np.full(3, np.inf),
     )
     with operating(domain) as operator:
-        commands = operator.hear(JointState, 'command', topics.handshake_qos('lockstep'))
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        commands = operator.collect(JointState, 'command', topics.handshake_qos('lockstep'))
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
         keyframes = operator.node.create_publisher(
             PointCloud2, 'keyframe', topics.latched_qos(depth=1)
         )
@@ -213,7 +213,7 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
             start(executable, domain, [*arguments, '-p', 'nonphysical_luminosity:=clamp'])
         )
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         assert operator.spin_until(lambda: is_exact(messages))
         operator.spin_until(lambda: False, timeout_s=1.0)
         stop(processes[1])
@@ -258,9 +258,9 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
         started[executable] = start(executable, domain, ros_arguments(UNHURRIED))
         processes.append(started[executable])
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
-        luminosities = operator.hear(Image, 'luminosity', 1000)
-        estimates = operator.hear(JointState, 'estimate', 1000)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        luminosities = operator.collect(Image, 'luminosity', 1000)
+        estimates = operator.collect(JointState, 'estimate', 1000)
         # Near the set-point, far from what the parameters say of the first references.
         assert operator.spin_until(lambda: is_exact(messages) and len(luminosities) > 800)
         for executable in order:
@@ -289,13 +289,13 @@ def test_a_wrong_initial_state_and_messages_out_of_time_leave_the_estimate_in_it
     wrong = [*loop, '-p', 'initial_state:=[0.9, 0.2]']
     processes.append(start('hinf_controller', domain, wrong))
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
-        luminosities = operator.hear(Image, 'luminosity', 1000)
-        estimates = operator.hear(JointState, 'estimate', 1000)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        luminosities = operator.collect(Image, 'luminosity', 1000)
+        estimates = operator.collect(JointState, 'estimate', 1000)
         assert operator.spin_until(lambda: is_exact(messages))
         assert sector_ratio(operator, luminosities, estimates) <= 1 + 1e-9
 
-        packets = operator.hear(PointCloud2, 'events', topics.handshake_qos('lockstep', 100))
+        packets = operator.collect(PointCloud2, 'events', topics.handshake_qos('lockstep', 100))
         light = operator.node.create_publisher(Image, 'luminosity', topics.stream_qos())
         events = operator.node.create_publisher(
             PointCloud2, 'events', topics.handshake_qos('lockstep', 100)
@@ -329,9 +329,9 @@ def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, p
         processes.append(start(executable, domain, ros_arguments(UNHURRIED)))
     plant = processes[0]
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
-        states = operator.hear(JointState, 'state', 100)
-        estimates = operator.hear(JointState, 'estimate', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        states = operator.collect(JointState, 'state', 100)
+        estimates = operator.collect(JointState, 'estimate', 100)
         keyframes = []
         operator.node.create_subscription(
             PointCloud2, 'keyframe', keyframes.append, topics.latched_qos(depth=1), raw=True

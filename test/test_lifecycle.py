@@ -121,7 +121,7 @@ def test_a_plant_starts_where_it_was_told_to_while_inactive(domain, processes):
     plant = start('plant_sim', domain, ros_arguments({'autostart': False}))
     processes.append(plant)
     with operating(domain) as operator:
-        images = operator.hear(Image, 'luminosity')
+        images = operator.collect(Image, 'luminosity')
         for initial_state in ([0.5, 0.1], [0.4, 0.2]):
             assert operator.transition('plant_sim', 'configure')
             assert operator.set_parameters('plant_sim', initial_state=initial_state).successful

@@ -15,7 +15,7 @@ def test_a_lockstep_loop_goes_on_after_the_transitions_of_any_node(domain, proce
         processes.append(start(executable, domain, ros_arguments(parameters)))
     draw = random.Random(1)
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 1000)
+        states = operator.collect(JointState, 'state', 1000)
 
         def goes_on():
             states.clear()

@@ -84,7 +84,7 @@ def run_for(seconds, folder, domain, processes):
         count = Count(rows * width, width)
         qos = topics.handshake_qos('lockstep', topics.LISTENER_DEPTH)
         operator.node.create_subscription(PointCloud2, 'events', count.take, qos, raw=True)
-        keyframes = operator.hear(PointCloud2, 'keyframe', topics.latched_qos(depth=1))
+        keyframes = operator.collect(PointCloud2, 'keyframe', topics.latched_qos(depth=1))
         raw_keyframes = []
         operator.node.create_subscription(
             PointCloud2, 'keyframe', raw_keyframes.append, topics.latched_qos(depth=1), raw=True
@@ -103,7 +103,7 @@ def run_for(seconds, folder, domain, processes):
         grown = [memory_mb(p) - b for p, b in zip(processes, before, strict=True)]
 
         count.keeps = True
-        estimates = operator.hear(JointState, 'estimate', topics.stream_qos())
+        estimates = operator.collect(JointState, 'estimate', topics.stream_qos())
         ask = operator.node.create_publisher(Empty, 'keyframe_request', topics.stream_qos())
         assert operator.spin_until(lambda: ask.get_subscription_count() > 0)
         keyframes.clear()

@@ -83,7 +83,7 @@ def test_a_remapped_loop_runs(domain, processes):
     for executable in ('plant_sim', 'event_camera', 'hinf_controller'):
         processes.append(start(executable, domain, [*ros_arguments({'duration': 0.0}), *remaps]))
     with operating(domain) as operator:
-        commands = operator.hear(JointState, names['command'], topics.handshake_qos('lockstep'))
+        commands = operator.collect(JointState, names['command'], topics.handshake_qos('lockstep'))
         assert operator.spin_until(lambda: len(commands) > 200)
         publishers = operator.node.count_publishers
         assert operator.spin_until(lambda: all(publishers(new) == 1 for new in names.values()))

@@ -31,7 +31,7 @@ def test_an_impossible_transition_is_answered_and_survived(node, domain, process
 def test_a_controller_that_rests_in_the_midst_goes_on(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 100)
+        states = operator.collect(JointState, 'state', 100)
         assert operator.spin_until(lambda: len(states) > 300, timeout_s=60)
         assert operator.transition('hinf_controller', 'deactivate')
         operator.spin_until(lambda: False, timeout_s=1.0)
@@ -43,7 +43,7 @@ def test_a_controller_that_rests_in_the_midst_goes_on(domain, processes):
 def test_a_tiny_pace_can_be_taken_back(domain, processes):
     start_loop(domain, processes)
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 100)
+        states = operator.collect(JointState, 'state', 100)
         assert operator.spin_until(lambda: len(states) > 100, timeout_s=60)
         for factor in (1e-5, 1e-300):
             assert operator.set_parameters('plant_sim', real_time_factor=factor).successful

@@ -18,7 +18,7 @@ def test_all_frames_that_a_stopped_camera_never_took_are_counted(domain, process
     camera = start('event_camera', domain, ros_arguments({'mode': 'realtime'}))
     processes.append(camera)
     with operating(domain) as operator:
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
         frames = operator.node.create_publisher(Image, 'luminosity', topics.stream_qos(DEPTH))
 
         sent = 0

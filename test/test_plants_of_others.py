@@ -47,8 +47,8 @@ def test_a_late_subscriber_in_lockstep_gets_the_message_that_waits(qos, domain, 
         luminosity.publish(first_sample())
         assert plant.spin_until(lambda: bool(commands))
 
-        late_commands = plant.hear(JointState, 'command', qos)
-        late_events = plant.hear(PointCloud2, 'events', qos)
+        late_commands = plant.collect(JointState, 'command', qos)
+        late_events = plant.collect(PointCloud2, 'events', qos)
         assert plant.spin_until(lambda: bool(late_commands and late_events))
     stop_all(processes)
 
@@ -61,7 +61,7 @@ def test_no_subscriber_gets_a_message_twice(domain, processes):
         processes.append(start(executable, domain, ros_arguments()))
     with operating(domain) as plant:
         luminosity = plant.node.create_publisher(Image, 'luminosity', 10)
-        commands = plant.hear(JointState, 'command', VOLATILE)
+        commands = plant.collect(JointState, 'command', VOLATILE)
         assert plant.spin_until(lambda: luminosity.get_subscription_count() > 0)
         assert plant.spin_until(lambda: bool(plant.node.get_publishers_info_by_topic('command')))
         plant.spin_until(lambda: False, timeout_s=1.0)
@@ -78,7 +78,7 @@ def test_nodes_take_what_a_publisher_of_any_qos_offers_and_say_so(domain, proces
         processes.append(start(executable, domain, ros_arguments()))
     with operating(domain) as plant:
         luminosity = plant.node.create_publisher(Image, 'luminosity', BEST_EFFORT)
-        commands = plant.hear(JointState, 'command', VOLATILE)
+        commands = plant.collect(JointState, 'command', VOLATILE)
         assert plant.spin_until(lambda: luminosity.get_subscription_count() > 0)
         assert plant.spin_until(lambda: bool(plant.node.get_publishers_info_by_topic('command')))
 

@@ -10,7 +10,7 @@ def test_a_plant_beyond_its_profile_says_so_and_goes_on(domain, processes, tmp_p
     wall.write_text('0.1,0.1\n0.4,0.4\n')
     arguments = ros_arguments({'brightness_profile': str(wall)})
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         processes.append(start('plant_sim', domain, arguments))
 
         def beyond():

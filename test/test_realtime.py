@@ -55,12 +55,12 @@ def test_a_command_that_grows_old_is_held_or_replaced_or_ends_the_run(domain, pr
         'stop': None,
     }
     with operating(domain) as operator:
-        messages = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
         states, publishers = {}, {}
         for policy in answers:
             arguments = ros_arguments({**parameters, 'stale_command': policy})
             processes.append(start('plant_sim', domain, [*arguments, '-r', f'__ns:=/{policy}']))
-            states[policy] = operator.hear(JointState, f'{policy}/state', 100)
+            states[policy] = operator.collect(JointState, f'{policy}/state', 100)
             publishers[policy] = operator.node.create_publisher(
                 JointState, f'{policy}/command', topics.handshake_qos('realtime')
             )
@@ -95,7 +95,7 @@ def test_a_state_beyond_all_numbers_ends_the_plant_and_leaves_no_such_message(do
     }
     command = pack_command(Vector(stamp_ns=0, names=('u1',), values=np.zeros(1)))
     with operating(domain) as operator:
-        states = operator.hear(JointState, 'state', 1000)
+        states = operator.collect(JointState, 'state', 1000)
         publisher = operator.node.create_publisher(
             JointState, topics.COMMAND, topics.handshake_qos('realtime')
         )

@@ -110,8 +110,8 @@ def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes,
     lines_until(recorder, [f'recording 10 topics to {bag}/'])
     for node in ('event_camera', 'hinf_controller', 'plant_sim'):
         processes.append(start(node, domain, ['--ros-args', '--params-file', str(scenario)]))
-    heard = ['luminosity', 'events', 'command', 'state', 'estimate']
-    lines_until(recorder, [f'receives {topic}' for topic in heard])
+    received = ['luminosity', 'events', 'command', 'state', 'estimate']
+    lines_until(recorder, [f'receives {topic}' for topic in received])
     with pytest.raises(subprocess.TimeoutExpired):
         recorder.wait(timeout=3)
     code, output = stop(recorder)
@@ -267,7 +267,7 @@ def test_a_file_of_a_sensor_is_played_as_our_events(domain, processes, tmp_path)
     x, y, p, noise = t // 10**6 % 40, t // 10**6 % 30, t // 10**6 % 2, t // 10**6 % 3 == 0
     np.savez(tmp_path / 'sensor.npz', x=x, y=y, t=t, p=p, noise=noise)
     with listening(domain) as listener:
-        heard, labels = listener.streams[topics.EVENTS], []
+        received, labels = listener.streams[topics.EVENTS], []
         kind, qos = STREAMS[topics.EVENTS].message_type, topics.stream_qos()
         listener.node.create_subscription(kind, topics.EVENTS_LABEL, labels.append, qos, raw=True)
         arguments = ['play', str(tmp_path / 'sensor.npz'), '--wait', '--binning', '2']
@@ -275,9 +275,9 @@ def test_a_file_of_a_sensor_is_played_as_our_events(domain, processes, tmp_path)
         player = start('dvs_closed_loop', domain, [*arguments, *region])
         processes.append(player)
         assert listener.spin_until(lambda: player.poll() is not None)
-        listener.spin_until(lambda: len(labels) >= len(heard), 5)
+        listener.spin_until(lambda: len(labels) >= len(received), 5)
     inside = (x >= 10) & (x < 30)
-    packets = [parse_events(bytes(message)) for message in heard]
+    packets = [parse_events(bytes(message)) for message in received]
     assert player.returncode == 0, player.stdout.read()
     events = np.concatenate([packet.events for packet in packets])
     times = np.concatenate([packet.stamp_ns + packet.events['t'] for packet in packets])

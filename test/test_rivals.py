@@ -19,7 +19,7 @@ def test_two_nodes_of_a_kind_are_an_error_with_both_names(executable, domain, pr
         processes.append(start(executable, domain, [*arguments, '-r', f'__node:={name}']))
     rivals = f'{TOPIC[executable]} has 2 publishers: /first, /second'
     with operating(domain) as operator:
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
 
         def is_named():
             status = latest(health, LISTENER[executable])

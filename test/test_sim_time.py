@@ -22,9 +22,9 @@ def test_clocks_of_nodes_are_simulated_and_the_loop_runs_to_its_end(domain, proc
         processes.append(start(executable, domain, ros_arguments(parameters)))
     plant, *others = processes
     with operating(domain) as operator:
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
         assert operator.spin_until(lambda: plant.poll() is not None, timeout_s=60)
-        heard = list(health)
+        received = list(health)
         # The clock stands still now. What a node does by the wall clock goes on.
         for node in NODES[1:]:
             assert reaches(operator, health, node, DiagnosticStatus.STALE), node
@@ -33,7 +33,7 @@ def test_clocks_of_nodes_are_simulated_and_the_loop_runs_to_its_end(domain, proc
     assert f'run of {DURATION_S:g} s finished' in output
     stop_all(others)
     for node in NODES:
-        times_s = stamps_s(heard, node)
+        times_s = stamps_s(received, node)
         # Before its first tick a simulated clock says 0; the wall clock is half a century on.
         assert times_s == sorted(times_s), node
         assert 0 < times_s[-1] <= DURATION_S, node
@@ -45,7 +45,7 @@ def test_a_clock_that_never_starts_is_named(domain, processes):
     plant = start('plant_sim', domain, ros_arguments(parameters))
     processes.append(plant)
     with operating(domain) as operator:
-        health = operator.hear(DiagnosticArray, '/diagnostics', 100)
+        health = operator.collect(DiagnosticArray, '/diagnostics', 100)
         assert operator.spin_until(
             lambda: any('the time on /clock is still 0' in m.status[0].message for m in health)
         )

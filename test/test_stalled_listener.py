@@ -40,5 +40,5 @@ def test_a_recorder_that_is_stopped_for_a_second_misses_nothing(domain, tmp_path
 
     assert recorder.returncode == 0, output
     # The verdict has refused a recording in which a sample lacks one of its messages.
-    heard = [m.topic for m in read_bag(tmp_path / 'mirror_r1/bag').messages]
-    assert heard.count(topics.COMMAND) == round(DURATION_S / 1e-3) + 1
+    received = [m.topic for m in read_bag(tmp_path / 'mirror_r1/bag').messages]
+    assert received.count(topics.COMMAND) == round(DURATION_S / 1e-3) + 1

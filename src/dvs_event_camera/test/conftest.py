@@ -83,7 +83,7 @@ class Graph:
         self._processes.append(process)
         return process
 
-    def hear(self, message_type, topic, qos, *, raw=True):
+    def collect(self, message_type, topic, qos, *, raw=True):
         """Messages of a topic, in a list that grows while the graph turns."""
         heard = []
         self.node.create_subscription(message_type, topic, heard.append, qos, raw=raw)

@@ -73,7 +73,7 @@ def test_messages_pass_between_the_borrowed_type_and_the_generated_one(graph, tm
     places = os.pathsep.join([str(python), *(path for path in sys.path if path)])
     loaded = os.pathsep.join([str(libraries), os.environ.get('LD_LIBRARY_PATH', '')])
     graph.start('tools.packet_bridge_node')
-    heard = graph.hear(PointCloud2, 'events', topics.stream_qos())
+    heard = graph.collect(PointCloud2, 'events', topics.stream_qos())
     kind = packet_type.event_packet_type()
     assert kind.__module__ == packet_type.__name__
     publisher = graph.node.create_publisher(kind, 'borrowed', 10)

@@ -53,9 +53,9 @@ def luminosities():
 
 
 def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
-    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
-    keyframes = graph.hear(PointCloud2, 'keyframe', topics.latched_qos(1))
-    anchors = graph.hear(Image, 'anchor', topics.stream_qos())
+    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    keyframes = graph.collect(PointCloud2, 'keyframe', topics.latched_qos(1))
+    anchors = graph.collect(Image, 'anchor', topics.stream_qos())
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     runs = []
     for _ in range(2):
@@ -102,16 +102,16 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
     camera = graph.start(
         CAMERA, stub=True, event_threshold=0.3, display_rate=1000.0, label_noise='true'
     )
-    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     grey = np.full((4, 5), 100, np.uint8)
     feed(graph, heard, publisher, [pack_image(0, grey, 'mono8')])
-    pictures = graph.hear(Image, 'event_image', topics.stream_qos())
-    sums = graph.hear(Int16MultiArray, 'polarity', topics.stream_qos(), raw=False)
-    packets = graph.hear(String, 'events_packet', topics.stream_qos())
-    labels = graph.hear(PointCloud2, 'events_label', topics.stream_qos())
-    clouds = graph.hear(PointCloud2, 'event_cloud', topics.stream_qos(), raw=False)
-    diagnostics = graph.hear(DiagnosticArray, '/diagnostics', topics.stream_qos(), raw=False)
+    pictures = graph.collect(Image, 'event_image', topics.stream_qos())
+    sums = graph.collect(Int16MultiArray, 'polarity', topics.stream_qos(), raw=False)
+    packets = graph.collect(String, 'events_packet', topics.stream_qos())
+    labels = graph.collect(PointCloud2, 'events_label', topics.stream_qos())
+    clouds = graph.collect(PointCloud2, 'event_cloud', topics.stream_qos(), raw=False)
+    diagnostics = graph.collect(DiagnosticArray, '/diagnostics', topics.stream_qos(), raw=False)
     stamp = 0
 
     def brighter():
@@ -194,7 +194,7 @@ def test_scene_waits_for_who_sees_it_so_that_its_first_picture_is_not_lost(graph
     scene = graph.start('tools.scene_node', 'grating', '--size', '2x3', '--frames', '5')
     graph.turn_until(lambda: graph.node.count_publishers('luminosity') > 0)
     graph.turn_for(0.5)
-    seen = graph.hear(Image, 'luminosity', topics.stream_qos())
+    seen = graph.collect(Image, 'luminosity', topics.stream_qos())
     code, _, err = scene.wait()
     graph.turn_until(lambda: len(seen) == 5)
     assert code == 0, err
@@ -232,7 +232,7 @@ def test_bridge_takes_a_drivers_packets_and_sends_the_pixels_of_the_loop(graph):
         binning=2,
         masked_pixels='[101, 201]',
     )
-    heard = graph.hear(PointCloud2, 'events', topics.stream_qos())
+    heard = graph.collect(PointCloud2, 'events', topics.stream_qos())
     # Found by the same class that is used where event_camera_msgs is not installed.
     kind = event_packet_type()
     publisher = graph.node.create_publisher(kind, 'events_packet', topics.stream_qos())
@@ -279,7 +279,7 @@ def test_scene_refuses_what_makes_no_sense(graph, arguments):
 
 def test_black_pixels_of_a_float_image_hold_and_are_said_once(graph):
     camera = graph.start(CAMERA, event_threshold=0.1)
-    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     frames = [[1.0, 1.0], [-1.0, 1.0], [math.nan, 1.0], [1.0, 1.0]]
     messages = [pack_image(k * MS, np.array([y]), '64FC1') for k, y in enumerate(frames)]
@@ -292,7 +292,7 @@ def test_black_pixels_of_a_float_image_hold_and_are_said_once(graph):
 
 def test_a_camera_waits_for_light_where_its_references_are_stated(graph):
     camera = graph.start(CAMERA, reference_lower='[0.9]', reference_upper='[1.1]')
-    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     graph.turn_until(lambda: publisher.get_subscription_count() == 1)
     for k, y in enumerate((0.0, math.nan)):
@@ -306,7 +306,7 @@ def test_a_camera_waits_for_light_where_its_references_are_stated(graph):
 def test_compressed_images_are_taken(graph):
     image = pytest.importorskip('PIL.Image')
     camera = graph.start(CAMERA, event_threshold=0.1, compressed_input='true')
-    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     topic = 'luminosity/compressed'
     publisher = graph.node.create_publisher(CompressedImage, topic, topics.stream_qos())
     messages = []
@@ -325,7 +325,7 @@ def test_compressed_images_are_taken(graph):
 def test_a_real_camera_is_taken_by_its_own_name_and_with_best_effort(graph):
     remapped = ('--ros-args', '-r', 'luminosity:=/camera/image_raw', '--')
     graph.start(CAMERA, *remapped, image_reliability='best_effort', mode='realtime')
-    heard = graph.hear(PointCloud2, 'events', topics.handshake_qos('realtime'))
+    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('realtime'))
     publisher = graph.node.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
     # Some of a best-effort publisher's images may be lost.
     images = (
