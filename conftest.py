@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import itertools
 import os
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -20,6 +21,8 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Hundreds of processes import the same modules: what one has compiled, the others load.
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 sys.dont_write_bytecode = False
+# Under nohup SIGHUP is ignored, and a program that finds it so leaves it so.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 # Domains above 101 meet the ephemeral ports of Linux.
 _DOMAINS = 101
 _TURNS = itertools.count(os.getpid() * 13)

@@ -43,7 +43,7 @@ chosen() {
 }
 # Processes that meet over a middleware are at the mercy of the machine: what fails is tried once
 # more, and the summary says so.
-again=(--reruns 1)
+again=(--reruns 1 -r sR)
 together=(--durations 15 --dist loadgroup --no-loadscope-reorder)
 cores=(src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller src/dvs_simulation)
 case $which in
@@ -52,7 +52,7 @@ case $which in
             "${together[@]}" -n "$(workers 1)" "$@" "${cores[@]}"
         ;;
     *)
-        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 2)" "$@"
+        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 3)" "$@"
         chosen -m 'wall_clock and not long' "${again[@]}" "$@"
         ;;
 esac
