@@ -43,7 +43,7 @@ chosen() {
 }
 # Processes that meet over a middleware are at the mercy of the machine: what fails is tried once
 # more, and the summary says so.
-again=(--reruns 1 -r sR)
+again=(--reruns 1 -r aR)
 together=(--durations 15 --dist loadgroup --no-loadscope-reorder)
 cores=(src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller src/dvs_simulation)
 case $which in
