@@ -21,8 +21,9 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Hundreds of processes import the same modules: what one has compiled, the others load.
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 sys.dont_write_bytecode = False
-# Under nohup SIGHUP is ignored, and a program that finds it so leaves it so.
+# Under nohup SIGHUP is ignored, in the background of a script SIGINT; programs leave that so.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 # Domains above 101 meet the ephemeral ports of Linux.
 _DOMAINS = 101
 _TURNS = itertools.count(os.getpid() * 13)

@@ -52,7 +52,7 @@ case $which in
             "${together[@]}" -n "$(workers 1)" "$@" "${cores[@]}"
         ;;
     *)
-        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 3)" "$@"
+        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 2)" "$@"
         chosen -m 'wall_clock and not long' "${again[@]}" "$@"
         ;;
 esac
