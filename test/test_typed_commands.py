@@ -231,6 +231,11 @@ TYPED = (
         'needs EGL or OSMesa; test_mujoco_cart_pole.py runs it where there is one',
     ),
     Rule(RUN + 'dvs_closed_loop closed_loop .*', runs('--duration 0.2'), 'shortened'),
+    Rule(
+        RUN + r'dvs_hinf_controller design_controller --params-file config/textbook/(?!heading).*',
+        is_understood,
+        'like the heading; src/dvs_simulation/test/test_textbook_plants.py makes these columns',
+    ),
     Rule(RUN + 'dvs_hinf_controller design_controller .*', runs_once),
     Rule(TOOLS + 'simulate .*', runs('--duration 0.1'), 'shortened: takes half a minute'),
     Rule(TOOLS + 'sweep .*', runs('--runs 1 --plants 1 --workers 1'), 'shortened: takes hours'),
