@@ -9,7 +9,7 @@ usage: scripts/test.sh [--fast | --long] [PYTEST ARGUMENT ...]
 
 Sets up, runs ruff and mypy, then pytest with the given arguments.
 
-  --fast   only the tests of the cores that start no other process
+  --fast   only the tests of the cores that start no other process and try no ensemble of plants
   --long   also what runs for minutes to hours; a short form of it is always run
   --help   show this text
 TEXT
@@ -48,7 +48,7 @@ together=(--durations 15 --dist loadgroup --no-loadscope-reorder)
 cores=(src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller src/dvs_simulation)
 case $which in
     fast)
-        chosen -m 'not processes and not wall_clock and not long' \
+        chosen -m 'not processes and not ensemble and not wall_clock and not long' \
             "${together[@]}" -n "$(workers 1)" "$@" "${cores[@]}"
         ;;
     *)

@@ -30,6 +30,8 @@ from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.event_controller import EventController
 from dvs_hinf_controller.state_space import StateSpace, state_response
 
+pytestmark = pytest.mark.ensemble
+
 # Two double integrators; each of two stripes sees mainly one of them.
 AXES = PlantModel(
     state_matrix=np.kron(np.eye(2), [[0.0, 1.0], [0.0, 0.0]]),

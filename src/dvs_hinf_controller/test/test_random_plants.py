@@ -22,6 +22,8 @@ from dvs_hinf_controller.state_space import StateSpace, balanced, state_response
 from dvs_hinf_controller.synthesis.methods import METHODS
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
+pytestmark = pytest.mark.ensemble
+
 ALL = range(200)
 # Of all kinds, at most 4 states.
 FEW = (2, 4, 6, 7, 9, 17, 18, 19, 20, 23, 27, 28, 29, 34, 43, 49, 52, 53, 54, 55)

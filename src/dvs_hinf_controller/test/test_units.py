@@ -172,6 +172,7 @@ def test_certified_is_never_worse_than_another_method(problem_of, a, b, c) -> No
     assert thresholds['certified'] >= 0.999 * max(thresholds.values()) > 0
 
 
+@pytest.mark.ensemble
 def test_a_plant_of_many_states_has_a_certified_design(problem_of) -> None:
     """Ten states that pull at each other, two inputs, one pixel."""
     generator = np.random.default_rng(5)

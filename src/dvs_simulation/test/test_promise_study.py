@@ -21,6 +21,8 @@ from dvs_simulation.sweep.promise import (
 )
 from dvs_simulation.sweep.random_loops import lqg_controller, random_problem
 
+pytestmark = pytest.mark.ensemble
+
 
 def as_text(rows):
     return [{name: str(value) for name, value in row.items()} for row in rows]

@@ -12,6 +12,8 @@ from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_simulation.sampled.real_sensor import LossyRun, worst_error
 
+pytestmark = pytest.mark.ensemble
+
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 SCENARIO = load_scenario(CONFIG / 'real_sensor.yaml')
 COUNTING = {

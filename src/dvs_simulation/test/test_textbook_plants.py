@@ -11,6 +11,8 @@ from dvs_simulation.judging.trace import decode_trace
 from dvs_simulation.judging.verdict import Promised, judge
 from dvs_simulation.sampled.sampled_loop import run_sampled
 
+pytestmark = pytest.mark.ensemble
+
 FOLDER = Path(__file__).resolve().parents[3] / 'config' / 'textbook'
 PLANTS = sorted(file.stem for file in FOLDER.glob('*.yaml'))
 SLOW = ('ball_and_beam', 'cart_pole', 'dc_motor')
