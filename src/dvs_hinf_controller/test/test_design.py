@@ -500,3 +500,15 @@ def test_what_can_not_be_designed_is_one_line(
 def test_a_figure_is_no_folder(params_file: Path, tmp_path: Path, capsys: Any) -> None:
     assert main(['--params-file', str(params_file), '--figure', str(tmp_path)]) == 1
     assert f'{tmp_path}: cannot be written: is a folder' in capsys.readouterr().err
+
+
+def test_no_threshold_is_a_number_that_compares_with_others(paper_problem):
+    design = design_controller(paper_problem(1, mirror=True))
+    none = dataclasses.replace(
+        design, figures=dataclasses.replace(design.figures, h_certified=-math.inf)
+    )
+
+    found = as_json_object(none)
+
+    assert found['h_certified'] == 0.0
+    assert 'h_certified' not in found['unlimited']

@@ -274,7 +274,8 @@ def save_design(design: Design, path: str | Path) -> None:
 def as_json_object(design: Design) -> dict[str, Any]:
     """Method and figures as a flat object; null stands for infinity.
 
-    `unlimited` names what is infinite: h_certified is, where any threshold will do.
+    `unlimited` names what is infinite: h_certified is, where any threshold will do. Where no
+    threshold is fine enough it is 0 or negative, a number that compares with those of others.
 
     Parameters
     ----------
@@ -283,6 +284,7 @@ def as_json_object(design: Design) -> dict[str, Any]:
     """
     figures = dataclasses.asdict(design.figures)
     unlimited = [name for name, value in figures.items() if value == math.inf]
+    figures = {name: 0.0 if value == -math.inf else value for name, value in figures.items()}
     return finite_or_null({'method': design.method, **figures, 'unlimited': unlimited})
 
 
