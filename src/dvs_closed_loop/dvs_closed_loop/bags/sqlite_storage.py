@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import sqlite3
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dvs_closed_loop.bags.bag_metadata import VERSION, BagTopic
@@ -48,7 +48,7 @@ class SqliteStorage:
         self._connection = sqlite3.connect(self.path)
         # A killed recorder must not corrupt the file; a power cut may.
         self._connection.execute('PRAGMA synchronous = OFF')
-        try:
+        with self._transaction():
             self._connection.executescript(_SCHEMA)
             self._connection.executemany(
                 'INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)',
@@ -63,9 +63,6 @@ class SqliteStorage:
                 'encoded_message_definition, type_description_hash) VALUES (?, ?, ?, ?)',
                 [(t.type_name, 'ros2msg', t.definition, t.type_hash) for t in types.values()],
             )
-            self._connection.commit()
-        except sqlite3.OperationalError as error:
-            raise OSError(errno.ENOSPC, str(error)) from None
 
     def write(self, topic: int, received_ns: int, published_ns: int, message: bytes) -> None:
         """Append one message to the batch; write the batch if it is large enough.
@@ -99,15 +96,10 @@ class SqliteStorage:
         OSError
             If there is no room; nothing of the batch is in the file then.
         """
-        try:
+        with self._transaction():
             self._connection.executemany(
                 'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)', self._pending
             )
-            self._connection.commit()
-        except sqlite3.OperationalError as error:
-            with suppress(sqlite3.Error):
-                self._connection.rollback()
-            raise OSError(errno.ENOSPC, str(error)) from None
         self._pending.clear()
         self.tally.commit()
 
@@ -124,15 +116,10 @@ class SqliteStorage:
         OSError
             If there is no room.
         """
-        try:
+        with self._transaction():
             self._connection.execute(
                 'INSERT OR REPLACE INTO metadata VALUES (1, ?, ?)', (VERSION, metadata)
             )
-            self._connection.commit()
-        except sqlite3.OperationalError as error:
-            with suppress(sqlite3.Error):
-                self._connection.rollback()
-            raise OSError(errno.ENOSPC, str(error)) from None
 
     def finish(self, metadata: str) -> None:
         """Commit the batch and a copy of the metadata, as far as they fit, and close the file.
@@ -147,3 +134,14 @@ class SqliteStorage:
         with suppress(OSError):
             self.note(metadata)
         self._connection.close()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """All of the changes, or OSError and none of them."""
+        try:
+            yield
+            self._connection.commit()
+        except sqlite3.OperationalError as error:
+            with suppress(sqlite3.Error):
+                self._connection.rollback()
+            raise OSError(errno.ENOSPC, str(error)) from None
