@@ -272,7 +272,8 @@ def _draw_rates(path: Path, tally: Tally) -> None:
         figure = Figure(figsize=(8, 3), layout='constrained')
         axes = figure.add_subplot()
         for label, counts, colour in (('ON', tally.on, 'tab:red'), ('OFF', tally.off, 'tab:blue')):
-            axes.step(seconds[1:], np.array(counts[1:]) / periods, label=label, color=colour)
+            rates = np.array(counts[1:]) / periods
+            axes.stairs(rates, seconds, baseline=None, label=label, color=colour, lw=1.5)
         axes.set(xlabel='time [s]', ylabel='events/s')
         axes.legend(frameon=False)
         figure.savefig(path, dpi=120)
