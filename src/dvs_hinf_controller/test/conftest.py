@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,3 +65,11 @@ def problem_of() -> Callable[[PlantModel], DesignProblem]:
         )
 
     return make
+
+
+@pytest.fixture
+def params_file(tmp_path: Path) -> Path:
+    """File of a scenario with the defaults, and the method that designs fastest."""
+    path = tmp_path / 'scenario.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    method: unstructured\n')
+    return path

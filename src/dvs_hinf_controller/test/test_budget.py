@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from test_event_controller import MS, PIXELS, PROBLEM, keyframe, packet, with_anchors
+from controller_cases import MS, PIXELS, PROBLEM, keyframe, packet, with_anchors
 
 from dvs_common.wire.anchor import Anchor
 
