@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from urllib.error import HTTPError
@@ -15,7 +16,7 @@ from dvs_common.errors import ParameterError
 from dvs_common.writing import WriteError
 from dvs_simulation.cli import main
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
-from dvs_simulation.sweep.cluster import Cluster, TlsFiles
+from dvs_simulation.sweep.cluster import Cluster, TlsFiles, interrupts_for_us_alone
 from dvs_simulation.sweep.pixels import pixels_study, run_pixels_task
 from dvs_simulation.sweep.runner import run_study
 from dvs_simulation.sweep.study import Study, Task
@@ -232,3 +233,23 @@ def test_a_full_disk_names_the_table(tmp_path):
 
     with pytest.raises(WriteError, match=r'table\.csv: cannot be written: No space left'):
         table.append(study.tasks[0], square(number=0))
+
+
+def test_an_interrupt_while_workers_start_is_handled_when_they_have_started():
+    """Also where a thread that was there before takes the signal, as those of BLAS do."""
+    end = threading.Event()
+    older = threading.Thread(target=end.wait)
+    older.start()
+    started = False
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupts_for_us_alone():
+            os.kill(os.getpid(), signal.SIGINT)
+            signal.pthread_kill(older.ident, signal.SIGINT)
+            for _ in range(1000):
+                time.sleep(1e-4)
+            started = True
+    finally:
+        end.set()
+        older.join()
+
+    assert started

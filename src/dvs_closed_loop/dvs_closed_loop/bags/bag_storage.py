@@ -85,6 +85,11 @@ class Storage(Protocol):
             Time of publication, ns.
         message
             CDR bytes.
+
+        Raises
+        ------
+        OSError
+            If there is no room for the batch, or none for this message.
         """
 
     def flush(self) -> None:

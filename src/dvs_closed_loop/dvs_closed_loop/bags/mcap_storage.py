@@ -55,24 +55,7 @@ class McapStorage:
         self._definitions = sum(len(t.definition) + len(t.qos) + 256 for t in topics)
 
     def write(self, topic: int, received_ns: int, published_ns: int, message: bytes) -> None:
-        """Append one message to the batch; write the batch if it is large enough.
-
-        Parameters
-        ----------
-        topic
-            Number of the topic.
-        received_ns
-            Time of reception, ns.
-        published_ns
-            Time of publication, ns.
-        message
-            CDR bytes.
-
-        Raises
-        ------
-        OSError
-            If there is no room for the batch, or none for this message and the end of the file.
-        """
+        """Append one message, if the end of the file has room after it; see `Storage.write`."""
         size = len(message) + MESSAGE_BYTES
         self._require_room(size)
         self._writer.add_message(self._channels[topic], received_ns, bytes(message), published_ns)
@@ -81,42 +64,19 @@ class McapStorage:
             self.flush()
 
     def flush(self) -> None:
-        """Write the batch.
-
-        Raises
-        ------
-        OSError
-            If there is no room; nothing of the batch is in the file then.
-        """
+        """Write the batch; see `Storage.flush`."""
         self._batches += self.tally.pending > 0
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._file.commit()
         self.tally.commit()
 
     def note(self, metadata: str) -> None:
-        """Write the metadata as they are now, at once, beside the batch.
-
-        Parameters
-        ----------
-        metadata
-            Text of the bag's metadata.
-
-        Raises
-        ------
-        OSError
-            If there is no room.
-        """
+        """Write the metadata beside the batch; see `Storage.note`."""
         self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
         self._file.commit()
 
     def finish(self, metadata: str) -> None:
-        """Write the batch and the end of the file, as far as they fit, and close it.
-
-        Parameters
-        ----------
-        metadata
-            Text of the bag's metadata.
-        """
+        """Write what is left, then the index; see `Storage.finish`."""
         # Without room for its end the file has all batches but no index: it is readable in order.
         with suppress(OSError):
             self.flush()

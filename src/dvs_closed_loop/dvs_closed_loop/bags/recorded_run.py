@@ -73,11 +73,15 @@ class StreamStatistics:
     def troubles(self) -> list[str]:
         """What was read around, one line each."""
         told = (
-            (self.unreadable, 'break the wire contract or differ in size, and are left out'),
-            (self.late, 'were recorded out of order and are put in order'),
-            (self.repeated, 'were recorded again and are left out'),
+            (self.unreadable, 'left out: against the wire contract, or of another size'),
+            (self.late, 'put in order: recorded out of order'),
+            (self.repeated, 'left out: the same stamp came before'),
         )
-        lines = [f'{self.topic}: {count} messages {what}' for count, what in told if count]
+        lines = [
+            f'{self.topic}: {count} of {self.messages} messages {what}'
+            for count, what in told
+            if count
+        ]
         if self.missing:
             lines.append(
                 f'{self.topic}: {self.missing} samples that other topics have are missing: '

@@ -65,37 +65,14 @@ class SqliteStorage:
             )
 
     def write(self, topic: int, received_ns: int, published_ns: int, message: bytes) -> None:
-        """Append one message to the batch; write the batch if it is large enough.
-
-        Parameters
-        ----------
-        topic
-            Number of the topic.
-        received_ns
-            Time of reception, ns.
-        published_ns
-            Time of publication, ns; this format has no place for it.
-        message
-            CDR bytes.
-
-        Raises
-        ------
-        OSError
-            If there is no room for the batch.
-        """
+        """Append one message, without its time of publication; see `Storage.write`."""
         self._pending.append((topic, received_ns, message))
         self.tally.add(topic, received_ns, len(message) + MESSAGE_BYTES)
         if self.tally.pending_bytes > BATCH_BYTES:
             self.flush()
 
     def flush(self) -> None:
-        """Commit the batch.
-
-        Raises
-        ------
-        OSError
-            If there is no room; nothing of the batch is in the file then.
-        """
+        """Commit the batch; see `Storage.flush`."""
         with self._transaction():
             self._connection.executemany(
                 'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)', self._pending
@@ -104,31 +81,14 @@ class SqliteStorage:
         self.tally.commit()
 
     def note(self, metadata: str) -> None:
-        """Write the metadata as they are now, at once; they replace those of before.
-
-        Parameters
-        ----------
-        metadata
-            Text of the bag's metadata.
-
-        Raises
-        ------
-        OSError
-            If there is no room.
-        """
+        """Replace the metadata; see `Storage.note`."""
         with self._transaction():
             self._connection.execute(
                 'INSERT OR REPLACE INTO metadata VALUES (1, ?, ?)', (VERSION, metadata)
             )
 
     def finish(self, metadata: str) -> None:
-        """Commit the batch and a copy of the metadata, as far as they fit, and close the file.
-
-        Parameters
-        ----------
-        metadata
-            Text of the bag's metadata.
-        """
+        """Commit what is left and a copy of the metadata; see `Storage.finish`."""
         with suppress(OSError):
             self.flush()
         with suppress(OSError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.command_limiter import CommandLimiter
 from dvs_hinf_controller.running.look_ahead import LookAhead, Silence
-from dvs_hinf_controller.running.means import means_of
+from dvs_hinf_controller.running.means import Deviation, means_of
 from dvs_hinf_controller.running.reference_state import Synchrony, Taken
 from dvs_hinf_controller.running.reference_watch import ReferenceWatch
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
@@ -162,7 +161,7 @@ class EventController:
             self._resting = self._feedforward
         self.deviation = self._mean_deviation()
 
-    def _mean_deviation(self) -> Any:
+    def _mean_deviation(self) -> Deviation:
         if self.is_blind:
             return self._means.rest
         return self._means.deviation(self.references.intervals, self.limiter)
@@ -218,8 +217,8 @@ class EventController:
         """The command before any limit."""
         if self.is_blind:
             return self._resting
-        ahead = self._ahead.command_at(self.state, deviation=self.deviation)
-        return self._command_of(self.state) if ahead is None else ahead
+        ahead = self._ahead.at(self.state, deviation=self.deviation)
+        return self._command_of(self.state) if ahead is None else ahead.command
 
     def _command_of(self, state: FloatArray) -> FloatArray:
         k = self._controller
@@ -258,7 +257,8 @@ class EventController:
         duration_ns = self._duration_of_silence_ns(packet)
         if duration_ns is None:
             return None
-        return self._ahead.command_after(duration_ns, before=self.state, deviation=self.deviation)
+        ahead = self._ahead.after(duration_ns, before=self.state, deviation=self.deviation)
+        return None if ahead is None else ahead.command
 
     def _duration_of_silence_ns(self, packet: EventPacket) -> int | None:
         """Length of a step in which K alone moves; None where a packet brings anything else."""
@@ -331,10 +331,8 @@ class EventController:
 
     def _keep_still(self) -> None:
         """Pass an interval without events."""
-        ahead = self._ahead.state_after(
-            self._duration_ns, before=self.state, deviation=self.deviation
-        )
-        self.state = self._held(self._duration_ns) if ahead is None else ahead
+        ahead = self._ahead.after(self._duration_ns, before=self.state, deviation=self.deviation)
+        self.state = self._held(self._duration_ns) if ahead is None else ahead.state
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
         """Take what the sensor tells of itself; see `ReferenceWatch.take_keyframe`.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.running.means import Deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +28,7 @@ class Silence:
 
     duration_ns: int
     before: FloatArray
-    deviation: float
+    deviation: Deviation
     state: FloatArray
     command: FloatArray
 
@@ -55,10 +56,10 @@ class LookAhead:
         """
         self._silence = silence
 
-    def state_after(
-        self, duration_ns: int, *, before: FloatArray, deviation: float
-    ) -> FloatArray | None:
-        """State at the end of a step without events; None where another one was expected.
+    def after(
+        self, duration_ns: int, *, before: FloatArray, deviation: Deviation
+    ) -> Silence | None:
+        """Outcome of a step without events; None where another one was expected.
 
         Parameters
         ----------
@@ -72,27 +73,10 @@ class LookAhead:
         kept = self._silence
         if kept is None or kept.before is not before or kept.deviation != deviation:
             return None
-        return kept.state if kept.duration_ns == duration_ns else None
+        return kept if kept.duration_ns == duration_ns else None
 
-    def command_after(
-        self, duration_ns: int, *, before: FloatArray, deviation: float
-    ) -> FloatArray | None:
-        """Command at the end of a step without events; None where another one was expected.
-
-        Parameters
-        ----------
-        duration_ns
-            Length of the step, ns.
-        before
-            State of K at its beginning.
-        deviation
-            Input of K on the way.
-        """
-        state = self.state_after(duration_ns, before=before, deviation=deviation)
-        return None if state is None else self.command_at(state, deviation=deviation)
-
-    def command_at(self, state: FloatArray, *, deviation: float) -> FloatArray | None:
-        """Command at a state that `state_after` returned; None for any other.
+    def at(self, state: FloatArray, *, deviation: Deviation) -> Silence | None:
+        """Outcome that has led to this state; None for any other state.
 
         Parameters
         ----------
@@ -104,4 +88,4 @@ class LookAhead:
         kept = self._silence
         if kept is None or kept.state is not state or kept.deviation != deviation:
             return None
-        return kept.command
+        return kept

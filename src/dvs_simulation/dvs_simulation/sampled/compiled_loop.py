@@ -31,6 +31,7 @@ from dvs_event_camera.pixels.pixel_array import PixelArray
 from dvs_event_camera.streams.image_source import LuminosityFrame
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.running.event_controller import EventController
+from dvs_hinf_controller.running.held_input import HeldInputResponse
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_plant_sim.plant import held_input_step
 from dvs_simulation.exact.compilation import numba_available
@@ -223,7 +224,9 @@ class CompiledLoop:
         self, controller: EventController, seconds: list[float]
     ) -> ControlArrays | None:
         response, k = controller.response, self._design.controller
-        if not response.is_modal or controller.limiter is not None:
+        if not isinstance(response, HeldInputResponse) or not response.is_modal:
+            return None
+        if controller.limiter is not None:
             return None
         real = not np.iscomplexobj(response.poles)
         # As NumPy casts it for a product: what is turned and cast becomes contiguous.

@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import resource_tracker
@@ -85,19 +86,21 @@ class Cluster:
             with self._remote(distributed, self.scheduler) as client:
                 yield client
             return
-        with _interrupts_for_us_alone():
-            local = distributed.LocalCluster(
-                host=_LOOPBACK if self.processes else None,
-                n_workers=self.workers or os.cpu_count(),
-                threads_per_worker=1,
-                processes=self.processes,
-                dashboard_address=f'{_LOOPBACK}:{self.dashboard_port or _ANY_PORT}',
-                scheduler_kwargs={'dashboard': self.dashboard_port is not None},
-                worker_dashboard_address=None,
-                silence_logs=50,
-            )
-        with local, distributed.Client(local) as client:
-            yield client
+        with ExitStack() as opened:
+            with interrupts_for_us_alone():
+                local = opened.enter_context(
+                    distributed.LocalCluster(
+                        host=_LOOPBACK if self.processes else None,
+                        n_workers=self.workers or os.cpu_count(),
+                        threads_per_worker=1,
+                        processes=self.processes,
+                        dashboard_address=f'{_LOOPBACK}:{self.dashboard_port or _ANY_PORT}',
+                        scheduler_kwargs={'dashboard': self.dashboard_port is not None},
+                        worker_dashboard_address=None,
+                        silence_logs=50,
+                    )
+                )
+            yield opened.enter_context(distributed.Client(local))
 
     def _remote(self, distributed: Any, scheduler: str) -> Any:
         if scheduler.startswith('tls://') != (self.tls is not None):
@@ -123,18 +126,36 @@ class Cluster:
 
 
 @contextmanager
-def _interrupts_for_us_alone() -> Iterator[None]:
+def interrupts_for_us_alone() -> Iterator[None]:
     """Let children and threads inherit that SIGINT is blocked; one that comes meanwhile waits.
 
-    Ctrl-C reaches the whole process group, and every worker would answer with a traceback.
+    Ctrl-C reaches the whole process group, and every worker would answer with a traceback, as
+    would a cluster that is closed before all of it has started.
     """
     # Its first start would let SIGINT through again.
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    with _late_interrupts():
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _late_interrupts() -> Iterator[None]:
+    """Handle a SIGINT at the end: older threads, as those of BLAS, do not block it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _require_answer(scheduler: str) -> None:
