@@ -100,16 +100,21 @@ else
     python=$(find_python)
     requirements+=("$root/requirements-ros.txt")
 fi
-if [ "$with_tests" = yes ]; then requirements+=("$root/requirements-test.txt"); fi
+readers=()
+if [ "$with_tests" = yes ]; then
+    requirements+=("$root/requirements-test.txt")
+    readers+=("$root/requirements-readers.txt")
+fi
 
 if [ ! -x "$venv/bin/python" ]; then
     check_disk
     make_venv "$python"
 fi
-wanted=$(checksum "${requirements[@]}")
+wanted=$(checksum "${requirements[@]}" "${readers[@]}")
 if ! is_current "$venv/.dvs-$with_tests" "$wanted"; then
     check_disk
     install_packages "${requirements[@]/#/--requirement=}"
+    if [ "$with_tests" = yes ]; then install_packages --no-deps "${readers[@]/#/--requirement=}"; fi
     if has_apt_ros && ! command -v colcon >/dev/null; then
         install_packages colcon-common-extensions 'setuptools<80'
     fi

@@ -19,7 +19,7 @@ setup(
     install_requires=['dvs_common', 'numpy>=1.26', 'tqdm>=4.64'],
     extras_require={
         'bags': ['rosbags>=0.11', 'PyYAML>=6.0', 'evt3>=0.4.1', 'lz4>=4.0', 'zstandard>=0.18'],
-        'files': ['aedat>=2.3', 'evt3>=0.4.1', 'h5py>=3.8'],
+        'files': ['aedat>=2.3', 'evt3>=0.4.1', 'h5py>=3.8', 'lz4>=4.0'],
         'images': ['opencv-python-headless>=4.6', 'Pillow>=9.5'],
         'numba': ['numba>=0.59'],
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],

@@ -308,15 +308,37 @@ def test_tonic_reads_aedat4_and_npy_and_tells_on_from_off(raw, events, tmp_path)
     assert np.array_equal(loaded['on'], events.p == 1)
 
 
-def test_evlib_reads_text_and_hdf5(raw, events, tmp_path):
+def test_evlib_reads_text_hdf5_and_aedat4(raw, events, tmp_path):
     evlib = pytest.importorskip('evlib')
-    for target in ('out.txt', 'out.h5'):
+    for target in ('out.txt', 'out.h5', 'out.aedat4'):
         frame = evlib.load_events(str(convert(raw, tmp_path / target)), sort=False).collect()
         assert np.array_equal(frame['x'].to_numpy(), events.x)
         assert np.array_equal(frame['y'].to_numpy(), events.y)
         assert np.array_equal(frame['polarity'].to_numpy() > 0, events.p == 1)
         micro = frame['t'].dt.total_microseconds().to_numpy()
         assert np.max(np.abs(micro - events.t // 1000)) <= 1
+
+
+def test_aestream_reads_aedat4(raw, events, tmp_path):
+    aestream = pytest.importorskip('aestream')
+    with aestream.FileInput(str(convert(raw, tmp_path / 'out.aedat4')), (640, 480)) as file:
+        found = file.load()
+    assert np.array_equal(found['timestamp'], events.t // 1000)
+    assert np.array_equal(found['x'], events.x)
+    assert np.array_equal(found['y'], events.y)
+    assert np.array_equal(found['polarity'], events.p)
+
+
+def test_a_table_of_an_aedat4_file_leads_to_its_packets_by_time(tmp_path):
+    dv_processing = pytest.importorskip('dv_processing')
+    rows = ''.join(f'{k},{k % 9},3,{k % 2}\n' for k in range(70_000))
+    (tmp_path / 'in.csv').write_text('t,x,y,p\n' + rows)
+    path = convert(tmp_path / 'in.csv', tmp_path / 'out.aedat4')
+    reader = dv_processing.io.MonoCameraRecording(str(path))
+
+    assert reader.getTimeRange() == (0, 69_999)
+    late = reader.getEventsTimeRange(68_000, 68_010, 'events')
+    assert late.numpy()['timestamp'].tolist() == list(range(68_000, 68_010))
 
 
 def test_faery_reads_csv_and_aedat4(raw, events, tmp_path):

@@ -1,14 +1,17 @@
 """The flatbuffers of an AEDAT4 file, byte by byte.
 
-Three shapes are all that a writer needs, so that they are written down here instead of generated:
-the head of the file, a packet of events (structs of 16 bytes) and a packet of triggers (tables).
-Positions count from the size that stands before each flatbuffer. Schemas: `ioheader.fbs`,
-`events.fbs`, `trigger.fbs` of gitlab.com/inivation/dv.
+Four shapes are all that a writer needs, so that they are written down here instead of generated:
+the head of the file, a packet of events (structs of 16 bytes), a packet of triggers and the table
+of all packets (tables). Positions count from the size that stands before each flatbuffer. Schemas:
+`ioheader.fbs`, `events.fbs`, `trigger.fbs`, `file_data_table.fbs` of gitlab.com/inivation/dv.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -23,21 +26,60 @@ EVENT_DTYPE = np.dtype(
         'itemsize': 16,
     }
 )
+# Fields in the order of their schemas; each table begins with the way back to its vtable.
 _TRIGGER_DTYPE = np.dtype(
     {
-        'names': ['vtable', 'kind', 't'],
-        'formats': ['<i4', 'u1', '<i8'],
-        'offsets': [0, 4, 8],
+        'names': ['vtable', 't', 'kind'],
+        'formats': ['<i4', '<i8', 'u1'],
+        'offsets': [0, 8, 4],
         'itemsize': 16,
     }
 )
-_PACKET_HEAD = struct.Struct('<ii')
+_PLACE_DTYPE = np.dtype(
+    {
+        'names': ['vtable', 'place', 'head', 'count', 'first', 'last'],
+        'formats': ['<i4', '<i8', '<2i4', '<i8', '<i8', '<i8'],
+        'offsets': [0, 8, 16, 24, 32, 40],
+        'itemsize': 48,
+    }
+)
+# Compression of all packets, by its number in `ioheader.fbs`. aestream takes no other.
+_LZ4 = 1
+PACKET_HEAD = struct.Struct('<ii')
 # Size, root, identifier; the vtable of one field; the table; the vector's place and length.
 _ONE_VECTOR = struct.Struct('<II4sHHHxxiII')
 
 
-def file_head(*, width: int, height: int, events: int, triggers: int) -> bytes:
-    """First line and description of the streams.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PacketPlace:
+    """Where a packet is in the file, and what it holds.
+
+    Attributes
+    ----------
+    stream
+        Number of the stream.
+    place
+        First byte behind the head of the packet.
+    size
+        Bytes behind the head.
+    count
+        Events or triggers.
+    first
+        Time of the first, microseconds.
+    last
+        Time of the last, microseconds.
+    """
+
+    stream: int
+    place: int
+    size: int
+    count: int
+    first: int
+    last: int
+
+
+def file_head(*, width: int, height: int, events: int, triggers: int, table_at: int = -1) -> bytes:
+    """First line and description of the streams; its length does not depend on `table_at`.
 
     Parameters
     ----------
@@ -49,6 +91,8 @@ def file_head(*, width: int, height: int, events: int, triggers: int) -> bytes:
         Number of the stream of events.
     triggers
         Number of the stream of triggers.
+    table_at
+        First byte of the table of packets, -1 where there is none.
     """
     size = {'sizeX': width, 'sizeY': height}
     text = (
@@ -57,9 +101,9 @@ def file_head(*, width: int, height: int, events: int, triggers: int) -> bytes:
         + _stream(triggers, 'triggers', 'TRIG', 'Array of triggers.', {})
         + '</node></dv>'
     ).encode()
-    # One vtable of three fields (compression and place of the data table by default), a table, a
-    # string.
-    body = struct.pack('<I4sHHHHHxxiII', 20, b'IOHE', 10, 8, 0, 0, 4, 12, 4, len(text))
+    # One vtable of three fields, a table, a string.
+    body = struct.pack('<I4sHHHHHxx', 20, b'IOHE', 10, 20, 4, 8, 16)
+    body += struct.pack('<iiqII', 12, _LZ4, table_at, 4, len(text))
     body += text + b'\0' * (4 - len(text) % 4)
     return MAGIC + struct.pack('<I', len(body)) + body
 
@@ -67,7 +111,7 @@ def file_head(*, width: int, height: int, events: int, triggers: int) -> bytes:
 def _stream(number: int, name: str, kind: str, text: str, info: dict[str, int]) -> str:
     path = f'/mainloop/Recorder/outInfo/{number}/'
     attributes = {
-        'compression': 'NONE',
+        'compression': 'LZ4',
         'originalModuleName': 'dvs_event_camera',
         'originalOutputName': name,
         'typeDescription': text,
@@ -110,17 +154,52 @@ def triggers_packet(stream: int, t: NDArray[np.int64], kinds: NDArray[np.uint8])
     kinds
         Kinds of trigger, shape (K,).
     """
-    count = len(t)
-    # Offsets to the tables, the vtable that they share, the tables; all at multiples of eight.
-    vtable_at = _ONE_VECTOR.size + (4 * count + 7) // 8 * 8
-    tables_at = vtable_at + 8 + (-vtable_at) % 8
-    places = tables_at + _TRIGGER_DTYPE.itemsize * np.arange(count)
+    tables = np.zeros(len(t), _TRIGGER_DTYPE)
+    tables['t'], tables['kind'] = t, kinds
+    return _packet(stream, _tables(b'TRIG', tables))
+
+
+def packet_table(places: Sequence[PacketPlace]) -> bytes:
+    """Table of the packets, which stands at the end of the file without a head of its own.
+
+    Parameters
+    ----------
+    places
+        All packets, in the order of the file.
+    """
+    tables = np.zeros(len(places), _PLACE_DTYPE)
+    for table, at in zip(tables, places, strict=True):
+        table['place'], table['head'] = at.place, (at.stream, at.size)
+        table['count'], table['first'], table['last'] = at.count, at.first, at.last
+    return _compressed(_tables(b'FTAB', tables))
+
+
+def _tables(identifier: bytes, tables: NDArray[np.void]) -> bytes:
+    """Vector of tables that share one vtable; fills in the way back to it."""
+    count, itemsize = len(tables), tables.dtype.itemsize
+    names, fields_of = tables.dtype.names, tables.dtype.fields
+    assert names is not None
+    assert fields_of is not None
+    fields = [fields_of[name][1] for name in names[1:]]
+    vtable = struct.pack(f'<{2 + len(fields)}H', 4 + 2 * len(fields), itemsize, *fields)
+    # Offsets to the tables, the vtable, the tables; all at multiples of eight.
+    vtable_at = _ONE_VECTOR.size + _eights(4 * count)
+    tables_at = vtable_at + _eights(len(vtable))
+    places = tables_at + itemsize * np.arange(count)
     offsets = (places - (_ONE_VECTOR.size + 4 * np.arange(count))).astype('<u4')
-    tables = np.zeros(count, _TRIGGER_DTYPE)
-    tables['vtable'], tables['kind'], tables['t'] = places - vtable_at, kinds, t
+    tables['vtable'] = places - vtable_at
     content = offsets.tobytes().ljust(vtable_at - _ONE_VECTOR.size, b'\0')
-    content += struct.pack('<HHHH', 8, _TRIGGER_DTYPE.itemsize, 8, 4) + tables.tobytes()
-    return _packet(stream, _vector(b'TRIG', count, content))
+    content += vtable.ljust(tables_at - vtable_at, b'\0') + tables.tobytes()
+    return _vector(identifier, count, content)
+
+
+def _compressed(content: bytes) -> bytes:
+    frame: bytes = import_module('lz4.frame').compress(content)
+    return frame
+
+
+def _eights(size: int) -> int:
+    return (size + 7) // 8 * 8
 
 
 def _vector(identifier: bytes, count: int, content: bytes) -> bytes:
@@ -131,4 +210,5 @@ def _vector(identifier: bytes, count: int, content: bytes) -> bytes:
 
 
 def _packet(stream: int, content: bytes) -> bytes:
-    return _PACKET_HEAD.pack(stream, len(content)) + content
+    compressed = _compressed(content)
+    return PACKET_HEAD.pack(stream, len(compressed)) + compressed

@@ -7,7 +7,7 @@
 | `npz` | .npz | arrays x, y, t (ns), p |
 | `tonic` | .npy | records x, y, t (microseconds), p |
 | `hdf5` | .h5, .hdf5 | the layout of DSEC, which evlib reads too |
-| `aedat4` | .aedat4 | what DV, aedat, tonic and faery read |
+| `aedat4` | .aedat4 | what DV, aedat, tonic, faery, evlib and aestream read |
 
 Polarity is 1 or 0 in all of them. Noise labels are a column or array `noise`; what is beyond whole
 microseconds is one called `ns`. AEDAT4 has a place for neither: labelled events are refused, and
