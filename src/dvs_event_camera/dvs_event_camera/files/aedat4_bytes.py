@@ -54,7 +54,7 @@ _ONE_VECTOR = struct.Struct('<II4sHHHxxiII')
 class PacketPlace:
     """Where a packet is in the file, and what it holds.
 
-    Attributes
+    Parameters
     ----------
     stream
         Number of the stream.
