@@ -4,7 +4,9 @@ import contextlib
 import fcntl
 import itertools
 import os
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -71,13 +73,32 @@ def domain(new_domain: Callable[[], int]) -> int:
     return new_domain()
 
 
+@pytest.fixture
+def another_user() -> list[str]:
+    """What begins a command of another user, who reads everything and writes own files only.
+
+    This checkout may lie where other users can't look.
+    """
+    user = '47110'
+    become = ['setpriv', f'--reuid={user}', f'--regid={user}', '--clear-groups']
+    become += ['--inh-caps=+dac_read_search', '--ambient-caps=+dac_read_search']
+    if os.geteuid() or not shutil.which('setpriv'):
+        pytest.skip('only root can be another user')
+    if subprocess.run([*become, 'true'], capture_output=True).returncode:
+        pytest.skip('needs the right to become another user')
+    return become
+
+
 def _free_domain(held: contextlib.ExitStack) -> int:
     """Domain whose lock file this process holds; the system frees it whatever happens."""
     for turn in itertools.islice(_TURNS, _DOMAINS):
         domain = 1 + turn % _DOMAINS
         path = Path(tempfile.gettempdir()) / f'dvs_test_domain_{domain}.lock'
-        lock = held.enter_context(path.open('a'))
-        with contextlib.suppress(BlockingIOError):
+        # Whoever has made it: only its owner could open it for writing.
+        with contextlib.suppress(FileExistsError):
+            path.touch(exist_ok=False)
+        with contextlib.suppress(BlockingIOError, PermissionError):
+            lock = held.enter_context(path.open('rb'))
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return domain
     raise RuntimeError(f'all {_DOMAINS} ROS domains are in use')

@@ -61,6 +61,11 @@ check_disk() {
         fail "only $((free_kb / 1024)) MB of disk are free in $root; 2500 MB are needed"
 }
 
+require_writable() {
+    [ -w "$root" ] ||
+        fail "$root can't be written by $(id -un): set it up as $(stat -c %U "$root"), or use a clone of your own"
+}
+
 install_packages() {
     echo "installing Python packages (a minute or two the first time) ..."
     if ! "$venv/bin/python" -m pip install --disable-pip-version-check -q "$@" >"$log" 2>&1; then
@@ -107,11 +112,13 @@ if [ "$with_tests" = yes ]; then
 fi
 
 if [ ! -x "$venv/bin/python" ]; then
+    require_writable
     check_disk
     make_venv "$python"
 fi
 wanted=$(checksum "${requirements[@]}" "${readers[@]}")
 if ! is_current "$venv/.dvs-$with_tests" "$wanted"; then
+    require_writable
     check_disk
     install_packages "${requirements[@]/#/--requirement=}"
     if [ "$with_tests" = yes ]; then install_packages --no-deps "${readers[@]/#/--requirement=}"; fi
@@ -125,6 +132,7 @@ enter_ros
 manifests=("$root"/src/*/package.xml "$root"/src/*/setup.py "$root"/src/*/setup.cfg)
 wanted=$(checksum "${manifests[@]}" <(find "$root/src" -path '*/launch/*' -o -path '*/layouts/*' -o -path '*/resource/*') <(ls "$root/config" "$root"/src/*/*/__init__.py))
 if ! is_current "$root/install/.dvs" "$wanted"; then
+    require_writable
     echo "building the workspace ..."
     if ! (cd "$root" && build)  >"$log" 2>&1; then
         tail -n 20 "$log" >&2
@@ -137,6 +145,7 @@ fi
 mapfile -t kernels < <(find "$root/src" -name '*.py' -not -path '*/test/*' -exec grep -lE '^@(kernel|jit)' {} +)
 wanted=$(checksum "${kernels[@]}" "$root/scripts/compile_kernels.py")
 if ! is_current "$root/install/.dvs-kernels" "$wanted"; then
+    require_writable
     echo "compiling kernels (a minute or two the first time) ..."
     if (enter_workspace && python "$root/scripts/compile_kernels.py") >"$log" 2>&1; then
         echo "$wanted" >"$root/install/.dvs-kernels"

@@ -38,9 +38,9 @@ def program(folder: Path, name: str, text: str):
     (folder / name).chmod(0o755)
 
 
-def setup(checkout, tools, **environment):
+def setup(checkout, tools, *, become=(), **environment):
     return subprocess.run(
-        [checkout / 'scripts' / 'setup.sh'],
+        [*become, checkout / 'scripts' / 'setup.sh'],
         env={'PATH': str(tools), 'HOME': '/tmp', 'DVS_ROS': 'wheels', **environment},
         capture_output=True,
         text=True,
@@ -77,6 +77,13 @@ def test_a_full_disk_is_named(checkout, tools):
     (tools / 'python3').symlink_to(sys.executable)
     program(tools, 'df', '#!/bin/sh\necho header\necho disk 100 90 10240 9% /\n')
     assert said(setup(checkout, tools), 'only 10 MB of disk are free')
+
+
+def test_a_checkout_of_another_user_is_named(checkout, tools, another_user):
+    for tool in ('id', 'setpriv', 'stat'):
+        (tools / tool).symlink_to(shutil.which(tool))
+    (tools / 'python3').symlink_to(sys.executable)
+    assert said(setup(checkout, tools, become=another_user), "can't be written by")
 
 
 def test_a_missing_index_is_named(checkout, tools):

@@ -9,7 +9,7 @@ setup(
     name=package_name,
     version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
-    package_data={package_name: ['py.typed', '*.pyi']},
+    package_data={package_name: ['py.typed', '*.pyi', 'node/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

@@ -8,7 +8,6 @@ import pytest
 
 from dvs_common.errors import ParameterError
 from dvs_common.node.session import (
-    leave_full_shared_memory,
     own_arguments,
     require_discovery,
     require_domain,
@@ -63,22 +62,6 @@ def test_the_variable_that_keeps_ros_from_starting_is_named(variables):
 
     name, value = next(iter(variables.items()))
     assert found.stdout.startswith(f'{name} = {value}: '), found.stderr
-
-
-def test_a_full_shared_memory_is_left_and_one_with_room_is_not(monkeypatch, tmp_path, capsys):
-    monkeypatch.delenv('FASTDDS_BUILTIN_TRANSPORTS', raising=False)
-    room = os.statvfs(tmp_path)
-
-    leave_full_shared_memory(str(tmp_path))
-    assert 'FASTDDS_BUILTIN_TRANSPORTS' not in os.environ
-
-    left = list(room)
-    left[4] = 1  # f_bavail
-    monkeypatch.setattr(os, 'statvfs', lambda folder: os.statvfs_result(left))
-    leave_full_shared_memory(str(tmp_path))
-    assert os.environ['FASTDDS_BUILTIN_TRANSPORTS'] == 'UDPv4'
-    assert 'messages go by UDP alone' in capsys.readouterr().err
-    monkeypatch.delenv('FASTDDS_BUILTIN_TRANSPORTS')
 
 
 def test_arguments_that_ros_refuses_are_told():

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -24,16 +23,13 @@ from rclpy.utilities import remove_ros_args
 
 from dvs_common.errors import ParameterError
 from dvs_common.node.direct_calls import DirectCalls
+from dvs_common.node.shared_memory import leave_shared_memory_where_needed
 from dvs_common.program import StopSignal
 
 # Longest wait for a message, and so the longest delay of a signal.
 _TURN_S = 0.1
 # Ports of DDS end there (RTPS 2.2, 9.6.1.1).
 _LAST_DOMAIN = 232
-
-_TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
-# What the middleware of a loop takes of it, with something to spare.
-_SHARED_MEMORY_BYTES = 8 << 20
 
 AnyNode = TypeVar('AnyNode', bound=Node)
 
@@ -120,9 +116,9 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
         If ROS_DOMAIN_ID is no domain, discovery is off, or ROS refuses the arguments.
     """
     stop = StopSignal()
-    require_domain()
+    domain = require_domain()
     require_discovery()
-    leave_full_shared_memory()
+    leave_shared_memory_where_needed(domain)
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -137,8 +133,8 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
         rclpy.try_shutdown()
 
 
-def require_domain() -> None:
-    """Raise `ParameterError` if ROS_DOMAIN_ID is no domain."""
+def require_domain() -> int:
+    """Return the ROS domain, or raise `ParameterError` if ROS_DOMAIN_ID is none."""
     text = os.environ.get('ROS_DOMAIN_ID', '').strip()
     try:
         # As strtoul reads it: 0x10 is hexadecimal, 010 octal.
@@ -149,6 +145,7 @@ def require_domain() -> None:
         raise ParameterError(
             'ROS_DOMAIN_ID', text, f'must be a whole number from 0 to {_LAST_DOMAIN}'
         )
+    return domain
 
 
 def require_discovery() -> None:
@@ -160,24 +157,6 @@ def require_discovery() -> None:
             discovery,
             'lets no node find another: set it to LOCALHOST or SUBNET',
         )
-
-
-def leave_full_shared_memory(folder: str = '/dev/shm') -> None:
-    """Let the middleware use UDP alone where it would be killed (SIGBUS) by a full /dev/shm.
-
-    Parameters
-    ----------
-    folder
-        Where shared memory is.
-    """
-    try:
-        disk = os.statvfs(folder)
-    except OSError:
-        return
-    free = disk.f_bavail * disk.f_frsize
-    if disk.f_blocks and free < _SHARED_MEMORY_BYTES and _TRANSPORTS not in os.environ:
-        os.environ[_TRANSPORTS] = 'UDPv4'
-        print(f'{folder} has {free >> 10} kB left: messages go by UDP alone', file=sys.stderr)
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:

@@ -1,0 +1,100 @@
+"""Where the middleware must not use shared memory, and how it is told so.
+
+Fast DDS is killed (SIGBUS) by a full /dev/shm. What it puts there can be written by its owner
+alone: nodes of two users find each other, and no message arrives.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pwd
+import re
+import sys
+from pathlib import Path
+
+# What the middleware of a loop takes of it, with something to spare.
+_ROOM_BYTES = 8 << 20
+# Ports of a domain begin there and take so many (RTPS 2.2, 9.6.1.1).
+_FIRST_PORT, _PORTS = 7400, 250
+
+_TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
+_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
+_UDP_ON_THIS_MACHINE = Path(__file__).with_name('udp_on_this_machine.xml')
+
+
+def leave_shared_memory_where_needed(domain: int, folder: str = '/dev/shm') -> None:
+    """Let the middleware use UDP alone where shared memory is full or another user's.
+
+    Parameters
+    ----------
+    domain
+        The ROS domain.
+    folder
+        Where shared memory is.
+    """
+    if not os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps'):
+        return
+    if _TRANSPORTS in os.environ or _PROFILES in os.environ:
+        return
+    reason = _lack_of_room(folder) or _another_user(domain, folder)
+    if reason is not None:
+        _use_udp_alone()
+        print(f'{reason}: messages go by UDP alone', file=sys.stderr)
+
+
+def _lack_of_room(folder: str) -> str | None:
+    try:
+        disk = os.statvfs(folder)
+    except OSError:
+        return None
+    free = disk.f_bavail * disk.f_frsize
+    return f'{folder} has {free >> 10} kB left' if disk.f_blocks and free < _ROOM_BYTES else None
+
+
+def _another_user(domain: int, folder: str) -> str | None:
+    """Say who else has nodes in the domain: each holds the lock of its port."""
+    first = _FIRST_PORT + _PORTS * domain
+    try:
+        locks = list(Path(folder).iterdir())
+    except OSError:
+        return None
+    for lock in locks:
+        port = re.fullmatch(r'fastrtps_port(\d+)_el', lock.name)
+        if port and first <= int(port[1]) < first + _PORTS:
+            owner = _holder(lock)
+            if owner not in (None, os.geteuid()):
+                return f'user {_user_name(owner)} has nodes in domain {domain} too'
+    return None
+
+
+def _holder(lock: Path) -> int | None:
+    """Return the user of the process that holds a lock; None where there is none."""
+    try:
+        owner = lock.stat().st_uid
+        with lock.open('rb') as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return owner
+    except OSError:
+        return None
+    return None
+
+
+def _user_name(number: int | None) -> str:
+    try:
+        return pwd.getpwuid(number or 0).pw_name
+    except KeyError:
+        return str(number)
+
+
+def _use_udp_alone() -> None:
+    is_local = os.environ.get(_RANGE, '').upper() == 'LOCALHOST'
+    if is_local or os.environ.get(_LOCALHOST_ONLY) == '1':
+        # That range adds shared memory whatever the transports are said to be.
+        os.environ.pop(_LOCALHOST_ONLY, None)
+        os.environ.update({_RANGE: 'SYSTEM_DEFAULT', _PROFILES: str(_UDP_ON_THIS_MACHINE)})
+    else:
+        os.environ[_TRANSPORTS] = 'UDPv4'
