@@ -1,7 +1,8 @@
 """Measure what an event costs camera and controller, from a thousand to a million pixels.
 
 In process, CPU time: dense frames (0.4 pixels a frame) as messages into the camera, and packets of
-ten thousand events into the controller, which keeps intervals.
+ten thousand events into the controller, which keeps intervals. Beside it what memory alone takes:
+adding to one number in as many bytes a pixel as the controller keeps, at random.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 
+import numba
 import numpy as np
 from bench_camera import DENSE, core_updater, drifting_pattern
 from bench_controller import random_packets
@@ -18,6 +20,8 @@ from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_simulation.paper.published import scenario
 
+# Bytes that the controller reads and writes of a pixel at an event.
+_RECORD = 32
 SIZES = ((32, 32), (100, 100), (346, 260), (1280, 720))
 _EVENTS, _PIXELS_A_RUN, _PERIOD_NS = 10_000, 12_000_000, 1_000_000
 
@@ -56,6 +60,25 @@ def controller_us(width: int, height: int, rounds: int) -> float:
     return 1e6 * best / (_EVENTS * (len(messages) - 1))
 
 
+@numba.njit
+def _touch(pixels: np.ndarray, numbers: np.ndarray) -> None:
+    for pixel in pixels:
+        numbers[pixel] += 1.0
+
+
+def memory_us(width: int, height: int, rounds: int) -> float:
+    """CPU microseconds of one number read and written, of a pixel at random."""
+    pixels = np.random.default_rng(0).integers(0, width * height, 20 * _EVENTS)
+    numbers = np.zeros((width * height, _RECORD // 8))[:, 0]
+    _touch(pixels[:1], numbers)
+    best = math.inf
+    for _ in range(rounds):
+        began = time.process_time()
+        _touch(pixels, numbers)
+        best = min(best, time.process_time() - began)
+    return 1e6 * best / pixels.size
+
+
 def measure(quick: bool = False) -> dict[str, float]:
     """CPU microseconds an event by size, and the dearest over the cheapest.
 
@@ -65,13 +88,16 @@ def measure(quick: bool = False) -> dict[str, float]:
         The two smallest sizes, once.
     """
     figures: dict[str, float] = {}
-    rounds = 1 if quick else 3
-    for part, cost_us in (('camera', camera_us), ('controller', controller_us)):
-        costs = []
-        for width, height in SIZES[:2] if quick else SIZES:
-            costs.append(cost_us(width, height, rounds))
-            figures[f'events_{part}_us_{width}x{height}'] = costs[-1]
-        figures[f'events_{part}_ratio'] = max(costs) / min(costs)
+    sizes, rounds = (SIZES[:2], 1) if quick else (SIZES, 3)
+    parts = (('camera', camera_us), ('controller', controller_us), ('memory', memory_us))
+    costs = {}
+    for part, cost_us in parts:
+        costs[part] = np.array([cost_us(*size, rounds) for size in sizes])
+        for (width, height), cost in zip(sizes, costs[part], strict=True):
+            figures[f'events_{part}_us_{width}x{height}'] = float(cost)
+        figures[f'events_{part}_ratio'] = float(costs[part].max() / costs[part].min())
+    own = costs['controller'] - costs['memory']
+    figures['events_controller_less_memory_ratio'] = float(own.max() / own.min())
     for name, value in figures.items():
         print(f'  {name} = {value:.3g}')
     return figures

@@ -302,9 +302,12 @@ def test_a_bound_that_is_none_is_refused_by_name(numbers):
 def test_counts_out_of_all_numbers_change_nothing():
     for compiled, size in ((False, 5000), (True, 5000)):
         known = intervals(compiled=compiled)
+        known.apply(*events((1, 1), (2, -1)))
+        before = known.estimate.copy()
         with pytest.raises(MessageError, match='the luminosity is not physically possible'):
-            known.apply(*events(*[(0, 1)] * size))
-        assert known.counts.tolist() == [0, 0, 0]
+            known.apply(*events(*[(0, 1), (1, -1), (2, 1), (2, -1)] * size))
+        assert known.counts.tolist() == [0, 1, -1]
+        assert known.estimate.tobytes() == before.tobytes()
 
 
 @given(
@@ -335,6 +338,23 @@ def test_compiled_code_gives_the_same_bits(seed, uncertain, masked):
     assert found[0].estimate.tobytes() == found[1].estimate.tobytes()
     assert found[0].counts.tobytes() == found[1].counts.tobytes()
     assert found[0].lower.tobytes() == found[1].lower.tobytes()
+
+
+def test_the_carried_mean_of_very_many_pixels_is_that_of_all_of_them():
+    generator = np.random.default_rng(5)
+    pixels = 40_000
+    lower = generator.uniform(0.4, 0.5, pixels)
+    known = intervals(bounds=ReferenceBounds(lower=lower, upper=lower))
+    known.restrict_to(generator.random(pixels) < 0.9)
+    assert known.mean_estimate == known.estimate[known.active].mean()
+    for _ in range(12):
+        size = 5000
+        polarities = (2 * generator.integers(2, size=size) - 1).astype(np.int8)
+        known.apply(generator.integers(pixels, size=size), polarities, np.ones(size, np.int8))
+        mean = known.estimate[known.active].mean()
+        assert known.mean_estimate == pytest.approx(mean, rel=1e-14)
+    known.forget()
+    assert known.mean_estimate == 0.0
 
 
 # -- health ---------------------------------------------------------------------------------------

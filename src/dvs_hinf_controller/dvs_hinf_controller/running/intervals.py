@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
-from dvs_common.wire.cdr import MessageError
 from dvs_hinf_controller.analysis.sector import best_error, best_estimate
+from dvs_hinf_controller.running.compiled_events import CompiledEvents, Events
 from dvs_hinf_controller.running.interval_arithmetic import (
     LARGEST_LOGARITHM,
     ROUNDING,
@@ -30,6 +30,7 @@ from dvs_hinf_controller.running.interval_arithmetic import (
     require_finite,
 )
 from dvs_hinf_controller.running.packet_history import Passed
+from dvs_hinf_controller.running.pixel_records import CarriedMean, PixelRecords
 from dvs_hinf_controller.running.pixel_turns import PixelTurns, kernels_for
 from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 from dvs_hinf_controller.running.step_bounds import StepBounds
@@ -65,8 +66,10 @@ class ReferenceIntervals:
         self._log_base = log_base
         self._uncertainty = uncertainty
         self._compiled = compiled
-        self.counts: NDArray[np.int64] = np.zeros(size, np.int64)
-        self.signs: NDArray[np.int8] = np.ones(size, np.int8)
+        self._records = records = PixelRecords(size)
+        self.counts, self.signs, self.active = records.counts, records.signs, records.active
+        self.first, self.estimate = records.first, records.estimate
+        self._mean = CarriedMean(records)
         self._healthy: Bools = np.ones(size, bool)
         self._widest = 0.0
         self._set_step(event_threshold)
@@ -77,6 +80,7 @@ class ReferenceIntervals:
     def _set_step(self, event_threshold: float) -> None:
         self.step_bounds = self._bounds_of(event_threshold)
         self._step, self._spacings = self.step_bounds.step, self.step_bounds.spacings
+        self._events = CompiledEvents(self._records, self._step)
 
     def _bounds_of(self, event_threshold: float) -> StepBounds:
         return StepBounds.of(
@@ -105,6 +109,11 @@ class ReferenceIntervals:
         return self._counted is not None
 
     @property
+    def farthest_count(self) -> int:
+        """Bound of ``|N|`` of all pixels."""
+        return int(self._records.farthest[0])
+
+    @property
     def event_threshold(self) -> float:
         """h."""
         return self.step_bounds.event_threshold
@@ -130,9 +139,7 @@ class ReferenceIntervals:
     @property
     def mean_estimate(self) -> float:
         """Mean of the estimates of the active pixels; 0 if there are none."""
-        if self._all_active:
-            return float(self.estimate.mean())
-        return float(self.estimate[self.active].mean()) if self.active_count else 0.0
+        return self._mean.of(self.active_count)
 
     def _renew(self) -> None:
         """Work out the estimates of the present intervals."""
@@ -146,16 +153,17 @@ class ReferenceIntervals:
             upper = np.where(usable, upper, self._counted[1])
             usable = half_widths(lower, upper) <= UNKNOWN_WIDTH
         if usable.all():
-            self.first = best_estimate(lower, upper, **self._spacings)
+            self.first[:] = best_estimate(lower, upper, **self._spacings)
         else:
-            self.first = np.zeros(lower.size)
+            self.first[:] = 0.0
             self.first[usable] = best_estimate(lower[usable], upper[usable], **self._spacings)
         self._usable = usable
-        self.estimate = self.signs * self.first * np.exp(self.counts * self._step)
+        self.estimate[:] = self.signs * self.first * np.exp(self.counts * self._step)
         self._choose()
 
     def _choose(self) -> None:
-        self.active: Bools = self._usable & self._healthy
+        np.logical_and(self._usable, self._healthy, out=self.active)
+        self._mean.forget()
         self.active_count = int(np.count_nonzero(self.active))
         self._all_active = self.active_count == self.active.size
         # Healthy pixels whose reference is not known.
@@ -195,8 +203,17 @@ class ReferenceIntervals:
             If an estimate would leave the range of numbers; nothing has changed then.
         """
         kernels = kernels_for(len(pixels)) if self._compiled else None
-        if kernels is not None:
-            return self._apply_compiled(kernels, pixels, polarities, signs)
+        if kernels is None:
+            jumps = self._apply(pixels, polarities, signs)
+        else:
+            events = Events(pixels=pixels, polarities=polarities, signs=signs)
+            jumps = self._apply_compiled(kernels, events)
+        self._mean.add(jumps)
+        return jumps
+
+    def _apply(
+        self, pixels: NDArray[np.intp], polarities: NDArray[np.int8], signs: NDArray[np.int8]
+    ) -> FloatArray:
         turns = PixelTurns(pixels, polarities, self.counts)
         logarithm = turns.counts * self._step
         require_finite(logarithm)
@@ -206,46 +223,32 @@ class ReferenceIntervals:
         before[1:] = np.where(turns.is_first[1:], before[1:], after[:-1])
         last = turns.pixel[turns.is_last]
         self.counts[last] = turns.counts[turns.is_last]
+        self._records.note_farthest(turns.counts)
         self.signs[last] = signs[turns.order][turns.is_last]
         self.estimate[last] = after[turns.is_last]
         jumps: FloatArray = np.empty_like(after)
         jumps[turns.order] = (after - before) / max(self.active_count, 1)
         return jumps if self._all_active else np.where(self.active[pixels], jumps, 0.0)
 
-    def _apply_compiled(
-        self,
-        kernels: Any,
-        pixels: NDArray[np.intp],
-        polarities: NDArray[np.int8],
-        signs: NDArray[np.int8],
-    ) -> FloatArray:
-        running = np.empty(len(pixels), np.int64)
-        low, high = kernels.count(pixels, polarities, self.counts, running)
-        try:
-            require_finite(np.array([low, high]) * self._step)
-        except MessageError:
-            kernels.uncount(pixels, polarities, self.counts)
-            raise
-        self._widen_for_mismatch(pixels, polarities)
-        jumps = np.empty(len(pixels))
-        growth = np.exp(np.arange(low, high + 1) * self._step)
-        kernels.jump(
-            *(pixels, signs, running, growth, low, self.first, self.estimate, self.signs),
-            *(self.active, self.active_count, jumps),
-        )
-        return jumps
+    def _apply_compiled(self, kernels: Any, events: Events) -> FloatArray:
+        jumps = self._events.take(kernels, events, self.active_count)
+        if not any(self.step_bounds.slacks):
+            return jumps
+        # Countable all; the estimates after them are those of wider intervals.
+        self._events.take_back(kernels, events)
+        self._widen_for_mismatch(events.pixels, events.polarities)
+        return self._events.take(kernels, events, self.active_count)
 
     def _widen_for_mismatch(self, pixels: NDArray[np.intp], polarities: NDArray[np.int8]) -> None:
         """Widen for events of thresholds that are not quite h; the estimates follow later."""
-        slack_on, slack_off = self.step_bounds.slacks
-        if not slack_on and not slack_off:
+        if not any(self.step_bounds.slacks):
             return
-        slack = np.where(polarities > 0, slack_on, slack_off)
+        slack = np.where(polarities > 0, *self.step_bounds.slacks)
         grown = np.exp(np.bincount(pixels, weights=slack, minlength=self.lower.size))
         self._stretch(1 / grown, grown)
-        estimate = self.estimate
+        estimate = self.estimate.copy()
         self._renew()
-        self.estimate = estimate
+        self.estimate[:] = estimate
 
     def _stretch(self, down: FloatArray | float, up: FloatArray | float) -> None:
         """Multiply the ends of all intervals."""
@@ -302,7 +305,7 @@ class ReferenceIntervals:
         """
         growth = np.exp(self.counts * self._step)
         self._stretch(growth, growth)
-        self.counts = np.zeros_like(self.counts)
+        self._records.set_counts(np.zeros_like(self.counts), self.signs)
         self._set_step(event_threshold)
         self._renew()
 
@@ -332,7 +335,7 @@ class ReferenceIntervals:
         if same_step and self._counted is None and not wrong.any() and np.all(near):
             return None
         moved = wrong | ~np.logical_and(*near)
-        self.counts, self.signs = told.counts.copy(), told.signs.copy()
+        self._records.set_counts(told.counts, told.signs)
         self._set_step(told.event_threshold)
         self._begin(*ends)
         return int(np.count_nonzero(moved))
@@ -359,7 +362,7 @@ class ReferenceIntervals:
         # Wherever the reference was seen to be, its number now has another name.
         shift = np.exp((self.counts - told.counts) * self._step)
         seen = (self.lower * shift, self.upper * shift)
-        self.counts, self.signs = told.counts.copy(), told.signs.copy()
+        self._records.set_counts(told.counts, told.signs)
         self._begin(*common_part(common_part(self._counted, seen), ends))
         return int(np.count_nonzero(wrong))
 

@@ -198,10 +198,10 @@ class ReferenceWatch:
     def _require_countable(self, pixels: NDArray[np.intp], polarities: NDArray[np.int8]) -> None:
         """Refuse a packet that could lead out of the range of numbers, before anything changes."""
         known = self.intervals
-        if (np.abs(known.counts).max() + len(pixels)) * known.log_step < LARGEST_LOGARITHM:
+        if (known.farthest_count + len(pixels)) * known.log_step < LARGEST_LOGARITHM:
             return
-        moves = np.bincount(pixels, minlength=known.counts.size)
-        require_finite(np.asarray((np.abs(known.counts) + moves) * known.log_step))
+        moved, moves = np.unique(pixels, return_counts=True)
+        require_finite(np.asarray((np.abs(known.counts[moved]) + moves) * known.log_step))
 
     def _heed(self, step: IndexStep | None, stamp_ns: int) -> int:
         """Widen for the gaps of the running numbers; return how many events are missing."""

@@ -33,6 +33,7 @@ from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.running.event_controller import EventController
 from dvs_hinf_controller.running.held_input import HeldInputResponse
 from dvs_hinf_controller.running.make_controller import event_controller
+from dvs_hinf_controller.running.pixel_records import FEW_PIXELS
 from dvs_plant_sim.plant import held_input_step
 from dvs_simulation.exact.compilation import numba_available
 from dvs_simulation.sampled.conditions import AS_IN_SCENARIO, Conditions
@@ -349,7 +350,7 @@ def _estimate_arrays(controller: EventController, seconds: list[float]) -> Estim
     known, target = controller.references.intervals, controller.problem.set_point_luminosity
     if known.has_lost or not known.known.all() or controller.is_blind:
         return None
-    if not np.all(known.signs == 1):
+    if not np.all(known.signs == 1) or known.estimate.size > FEW_PIXELS:
         return None
     bounds, spacings = known.step_bounds, known.step_bounds.spacings
     leak = bounds.uncertainty.leak
