@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.operation import Operation
+from dvs_hinf_controller.pixel_sums import PixelSums, pixel_sums
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +65,7 @@ class DesignProblem:
     settling_time: float = math.inf
     operation: Operation | None = None
     initial_state: FloatArray | None = None
+    _pixels: PixelSums | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check sizes and ranges."""
@@ -208,49 +210,35 @@ class DesignProblem:
         """``D_i = c'(x_d + dx_i)``, shape (r,): luminosity at the set-point (paper, eq. 22)."""
         return self.scene.luminosity(self.model, self.equilibrium.state)
 
-    def group_means(self, values: FloatArray) -> FloatArray:
-        """Mean over the pixels of every pixel group, shape (k,).
-
-        Parameters
-        ----------
-        values
-            One a pixel, shape (r,).
-        """
-        if self.scene.groups is None:
-            return np.array([values.mean()])
-        groups = range(self.model.group_count)
-        return np.array([values[self.scene.groups == one].mean() for one in groups])
-
     @property
     def group_scales(self) -> FloatArray:
         """``sqrt(r / r_j)`` of every pixel group with r_j of the r pixels, shape (k,)."""
         r, groups = self.scene.pixel_count, range(self.model.group_count)
         return np.sqrt([r / self.scene.pixels_of(one).size for one in groups])
 
-    def by_pixel(self, values: FloatArray) -> FloatArray:
-        """Value of its pixel group for every pixel; ``values[0]`` where there is one.
-
-        Parameters
-        ----------
-        values
-            One a group, shape (k,).
-        """
-        return values[0] if self.scene.groups is None else values[self.scene.groups]
+    @property
+    def pixels(self) -> PixelSums:
+        """Sums over the pixels, taken once."""
+        if self._pixels is None:
+            sums = pixel_sums(self.scene, self.model, self.equilibrium.state, self.bounds)
+            object.__setattr__(self, '_pixels', sums)
+            return sums
+        return self._pixels
 
     @property
     def rms_luminosity(self) -> float:
         """``||D|| / sqrt(r)`` (paper, Theorem 1)."""
-        return float(np.sqrt(np.mean(self.set_point_luminosity**2)))
+        return self.pixels.rms
 
     @property
     def mean_luminosity(self) -> float:
         """``Dbar = mean |D_i|``: what reaches a controller that acts on the mean."""
-        return float(np.mean(np.abs(self.set_point_luminosity)))
+        return self.pixels.mean
 
     @property
     def worst_reference_ratio(self) -> float:
         """``min_i m_i / M_i`` (paper, Theorem 2)."""
-        return float(np.min(self.bounds.lower / self.bounds.upper))
+        return self.pixels.worst_ratio
 
 
 def unmasked(pixel_count: int, masked: Sequence[int]) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from dvs_hinf_controller.analysis.static_gains import StaticGains
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.design.pareto import COLUMNS, ParetoPoint, pareto, save_pareto
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sector_means import Sectors
 from dvs_hinf_controller.synthesis.options import DesignOptions
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -35,10 +36,10 @@ def test_weights_scale_the_error_as_a_change_of_units_does(plain):
 
 def test_a_free_state_leaves_more_to_the_threshold_and_states_keep_their_own_bounds(plain):
     free = design_from_scenario(MIRROR.replace(error_weights=(1.0, 0.0)))
-    sector = np.array([0.1])
+    sectors = Sectors.common(0.1)
 
     def held(design):
-        return Promise(design.problem, plain.controller, design.problem.operation).held(sector)
+        return Promise(design.problem, plain.controller, design.problem.operation).held(sectors)
 
     assert free.figures.h_certified > plain.figures.h_certified
     assert held(free).error < held(plain).error

@@ -11,6 +11,7 @@ from dvs_hinf_controller.analysis.promise import Held, Promise
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sector_means import Sectors
 
 BASE = {
     'pixel_offsets': [0.45, 0.22, 0.46, 0.22, 0.44, 0.22],
@@ -71,10 +72,10 @@ def test_no_promise_reaches_beyond_the_stated_range(tmp_path):
     design = design_from_scenario(wide)
     promise = Promise(problem, design.controller, problem.operation)
     largest = design.figures.delta_certified
-    inside = promise.held(np.full(3, largest * 0.999))
+    inside = promise.held(Sectors.common(largest * 0.999))
     assert inside.output <= problem.operation.linearisation.luminosity_reach
     assert inside.error < 0.4
-    assert promise.held(np.full(3, largest * 1.01)).error == np.inf
+    assert promise.held(Sectors.common(largest * 1.01)).error == np.inf
 
 
 def test_the_output_tolerance_keeps_its_unit(tmp_path):
@@ -89,7 +90,7 @@ def held(design: Design, sector: float, *, period: float = 1e-3, **line: float) 
         interpolates=period > 1e-3,
     )
     promise = Promise(design.problem, design.controller, operation)
-    return promise.held(np.full(3, sector))
+    return promise.held(Sectors.common(sector))
 
 
 def test_the_slope_error_enters_as_the_sector_of_the_deviation_alone(straight):

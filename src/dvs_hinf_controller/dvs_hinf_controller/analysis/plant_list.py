@@ -12,6 +12,7 @@ from dvs_hinf_controller.analysis.promise import Held, Promise
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sector_means import Sectors
 
 
 def held_with_all(
@@ -49,8 +50,8 @@ def held_with_all(
         mine = replace(problem, model=plant)
         promises.append(Promise(mine, controller, operation, drift=drift, rtol=rtol))
 
-    def worst(sector: FloatArray, start: FloatArray | None = None) -> Held:
-        found = [promise.held(sector, start=start) for promise in promises]
+    def worst(sectors: Sectors, start: FloatArray | None = None) -> Held:
+        found = [promise.held(sectors, start=start) for promise in promises]
         return Held(
             error=max(one.error for one in found),
             output=max(one.output for one in found),

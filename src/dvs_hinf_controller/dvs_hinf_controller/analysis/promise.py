@@ -18,6 +18,7 @@ from dvs_hinf_controller.analysis.static_gains import StaticGains
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sector_means import Sectors
 
 _ROUNDS = 30
 
@@ -108,13 +109,13 @@ class Promise:
                 gains.of_pulse(column, operation.latency_jitter) for column in model.input_matrix.T
             ]
 
-    def held(self, sector: FloatArray, *, start: FloatArray | None = None) -> Held:
+    def held(self, sectors: Sectors, *, start: FloatArray | None = None) -> Held:
         """Bounds that hold for estimates in the given sectors.
 
         Parameters
         ----------
-        sector
-            delta_i, bound of ``|z_i - y_i| / y_i`` of every pixel, shape (r,).
+        sectors
+            delta_i, bound of ``|z_i - y_i| / y_i`` of every pixel.
         start
             ``x - x_d`` at the start, shape (n,), for bounds that hold from then on; None for
             those that hold in the limit.
@@ -123,21 +124,20 @@ class Promise:
         nothing = Held(error=math.inf, output=math.inf, commands=np.full(m, math.inf))
         if not self.is_stable or not all(np.isfinite(g.output).all() for g in self._measurements):
             return nothing
-        luminosity = np.abs(problem.set_point_luminosity)
         unknown = self._operation.output_disturbance
-        luminosity, least = luminosity + unknown, luminosity - unknown
         line = self._operation.linearisation
         error = line.slope_error
-        share = problem.group_means(sector * (1 + error) + error)
+        means = problem.pixels.sector_means(sectors, slope_error=error, unknown=unknown)
         bend, outer = np.zeros(problem.model.group_count), self._outer(start)
         for _ in range(_ROUNDS):
-            constant = problem.group_means(sector * luminosity) + bend
-            solved = self._solve(constant, share, outer)
-            if solved is None or np.any(problem.by_pixel((1 + error) * solved.output) >= least):
+            solved = self._solve(means.constant + bend, means.share, outer)
+            if solved is None or np.any(
+                (1 + error) * solved.output >= problem.pixels.least - unknown
+            ):
                 return nothing
             if np.any(solved.output > line.luminosity_reach):
                 return nothing
-            grown = self._bend(solved, luminosity) * (1 + float(sector.max()))
+            grown = self._bend(solved, unknown) * (1 + means.largest)
             if np.all(grown <= bend * (1 + 1e-6)):
                 break
             bend = grown * (1 + 1e-4)
@@ -240,16 +240,15 @@ class Promise:
         curves = np.abs(c @ self._problem.model.state_matrix)
         return np.atleast_1d((period / 2 * np.abs(c) + period**2 / 8 * curves) @ drives)
 
-    def _bend(self, signals: Gains, luminosity: FloatArray) -> FloatArray:
+    def _bend(self, signals: Gains, unknown: float) -> FloatArray:
         """How far a straight line in log y bends away from one in y, over a period, on average."""
         problem = self._problem
         if not self._operation.interpolates:
             return np.zeros(problem.model.group_count)
         line = self._operation.linearisation
         rate = self._operation.sampling_period * signals.output_rate * line.steepness
-        change = problem.by_pixel((1 + line.slope_error) * signals.output)
-        ratio = problem.by_pixel(rate) / (luminosity - change)
-        return problem.group_means((luminosity + change) * ratio**2) / 8
+        change = (1 + line.slope_error) * signals.output
+        return problem.pixels.bend(rate, change, unknown) / 8
 
 
 class Continuous:
@@ -266,19 +265,18 @@ class Continuous:
     def __init__(self, problem: DesignProblem, gains: ChannelGains) -> None:
         self._problem, self._gains = problem, gains
 
-    def held(self, sector: FloatArray) -> Held:
+    def held(self, sectors: Sectors) -> Held:
         """Bounds that hold in the limit; see `Promise.held`.
 
         Parameters
         ----------
-        sector
-            delta_i, shape (r,).
+        sectors
+            delta_i.
         """
         problem, gains = self._problem, self._gains
-        luminosity = np.abs(problem.set_point_luminosity)
-        constant = problem.group_means(sector * luminosity)
+        means = problem.pixels.sector_means(sectors)
         none = np.full(problem.model.input_count, math.inf)
-        size = gains.amplified(constant, problem.group_means(sector))
+        size = gains.amplified(means.constant, means.share)
         if size is None:
             return Held(error=math.inf, output=math.inf, commands=none)
         return Held(
@@ -288,7 +286,7 @@ class Continuous:
         )
 
 
-def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Held]) -> float:
+def largest_uncertainty(problem: DesignProblem, held: Callable[[Sectors], Held]) -> float:
     """Largest common sector delta with which the tolerance holds, in [0, 1]; 0 for none.
 
     Infinite where every sector will do.
@@ -300,14 +298,17 @@ def largest_uncertainty(problem: DesignProblem, held: Callable[[FloatArray], Hel
     held
         Bounds by the sectors of the pixels.
     """
-    ones = np.ones(problem.scene.pixel_count)
-    largest = largest_level(lambda level: held(math.tanh(level) * ones).excess(problem), low=0.0)
+
+    def excess(level: float) -> float:
+        return held(Sectors(level=level, own_widths=False)).excess(problem)
+
+    largest = largest_level(excess, low=0.0)
     if math.isinf(largest):
         return math.inf if largest > 0 else 0.0
     return math.tanh(largest)
 
 
-def largest_threshold(problem: DesignProblem, held: Callable[[FloatArray], Held]) -> float:
+def largest_threshold(problem: DesignProblem, held: Callable[[Sectors], Held]) -> float:
     """Largest h with which the tolerance holds, each pixel with what is known of its reference.
 
     ``delta_i = tanh(h ln b + w_i)`` with ``w_i = ln(M_i / m_i) / 2``. Zero or negative: q(0) is
@@ -320,29 +321,25 @@ def largest_threshold(problem: DesignProblem, held: Callable[[FloatArray], Held]
     held
         Bounds by the sectors of the pixels.
     """
-    widths = 0.5 * np.log(problem.bounds.upper / problem.bounds.lower)
+    base = math.log(problem.log_base)
 
     def excess(step: float) -> float:
-        sectors = sectors_at(problem, step / math.log(problem.log_base))
-        return held(sectors).excess(problem)
+        return held(sectors_at(problem, step / base)).excess(problem)
 
-    return largest_level(excess, low=-float(widths.max())) / math.log(problem.log_base)
+    return largest_level(excess, low=-problem.pixels.widest) / base
 
 
-def sectors_at(problem: DesignProblem, event_threshold: float) -> FloatArray:
-    """``delta_i = tanh(h ln b + w_i)`` of every pixel at one threshold, shape (r,) (Lemma 4).
+def sectors_at(problem: DesignProblem, event_threshold: float) -> Sectors:
+    """``delta_i = tanh(h ln b + w_i)`` of every pixel at one threshold (Lemma 4).
 
     Parameters
     ----------
     problem
-        Bounds of the references, and the base.
+        Base.
     event_threshold
         h.
     """
-    widths = 0.5 * np.log(problem.bounds.upper / problem.bounds.lower)
-    return np.asarray(
-        np.tanh(np.maximum(event_threshold * math.log(problem.log_base) + widths, 0.0))
-    )
+    return Sectors(level=event_threshold * math.log(problem.log_base))
 
 
 def _through(matrix: FloatArray, sizes: FloatArray) -> FloatArray:

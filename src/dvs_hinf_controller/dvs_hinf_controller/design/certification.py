@@ -21,6 +21,7 @@ from dvs_hinf_controller.analysis.promise import (
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.sector_means import Sectors
 
 # Of a start along its direction: where the search for the farthest one ends.
 _FARTHEST, _BISECTIONS = 2.0**30, 20
@@ -78,7 +79,7 @@ def certify(
     gains
         Peak gains of the continuous loop.
     """
-    held: Callable[[FloatArray], Held] = Continuous(problem, gains).held
+    held: Callable[[Sectors], Held] = Continuous(problem, gains).held
     continuous = certified = largest_threshold(problem, held)
     costs = [Cost(part='continuous loop', threshold=continuous)]
     for part, operation in _parts(problem.operation):

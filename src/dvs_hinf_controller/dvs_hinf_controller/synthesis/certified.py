@@ -186,8 +186,9 @@ class _Search:
     @property
     def disturbances(self) -> FloatArray:
         """Mean luminosity of every group: what its mean disturbance grows with, in `units`."""
-        levels = self.problem.group_means(np.abs(self.problem.set_point_luminosity))
-        return np.maximum(levels / self.units.luminosity, _LEAST_LUMINOSITY)
+        return np.maximum(
+            self.problem.pixels.group_means / self.units.luminosity, _LEAST_LUMINOSITY
+        )
 
     def add_weighted(self, weights: GroupWeights) -> float:
         """Score of the H-infinity controller for weights."""
