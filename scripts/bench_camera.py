@@ -13,6 +13,7 @@ import json
 import platform
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -248,16 +249,51 @@ def race_silent(frame: np.ndarray, count: int, rounds: int) -> dict[str, float]:
     }
 
 
-def race_threads(frames: Frames, rounds: int) -> float:
-    """Wall time with one thread over that with two."""
+def shared_work(work: Callable[[slice], None], rows: int, threads: int) -> Callable[..., int]:
+    """Update function that lets threads share the rows of a frame."""
+    pool = ThreadPoolExecutor(threads)
+    parts = [slice(rows * k // threads, rows * (k + 1) // threads) for k in range(threads)]
+
+    def update(*_: object) -> int:
+        list(pool.map(work, parts))
+        return 0
+
+    return update
+
+
+def race_threads(frames: Frames, rounds: int) -> dict[str, float]:
+    """Wall time with one thread over that with two: of our pixels, and of what limits them.
+
+    Copying a frame is bound by memory, exponentials of numbers in the first-level cache by the
+    cores alone.
+    """
     race = Race(frames, time.perf_counter)
+    height, target = len(frames[0]), np.empty_like(frames[0])
+    numbers = np.ones((2, 1024))
+
+    def copied(rows: slice) -> None:
+        np.copyto(target[rows], frames[0][rows])
+
+    def computed(rows: slice) -> None:
+        for row in range(rows.start, rows.stop):
+            for _ in range(4):
+                np.exp(frames[0][0, :1024], out=numbers[2 * row // height])
+
     for _ in range(rounds):
         for threads in (1, 2):
-            race.run(
-                f'threads: {threads}', core_updater(frames[0], backend='numba', threads=threads)
-            )
+            update = core_updater(frames[0], backend='numba', threads=threads)
+            race.run(f'threads: {threads}', update)
+            race.run(f'copy, threads: {threads}', shared_work(copied, height, threads))
+            race.run(f'compute, threads: {threads}', shared_work(computed, height, threads))
     race.show()
-    return race.seconds['threads: 1'] / race.seconds['threads: 2']
+    return {
+        name: race.seconds[f'{kind}threads: 1'] / race.seconds[f'{kind}threads: 2']
+        for name, kind in (
+            ('camera_two_threads', ''),
+            ('camera_two_threads_copy', 'copy, '),
+            ('camera_two_threads_compute', 'compute, '),
+        )
+    }
 
 
 def measure(quick: bool = False, peers: Peers | None = None) -> dict[str, float]:
@@ -301,12 +337,11 @@ def measure(quick: bool = False, peers: Peers | None = None) -> dict[str, float]
     silent = race_silent(frames[0], 60, rounds)
     print('\n1280 x 720, dense, wall seconds')
     threads = race_threads(drifting_pattern(720, 1280, sizes['720p'][2], DENSE), rounds)
-    result |= {
+    result |= threads | {
         'camera_vs_numpy': min(ratios),
         'camera_message_overhead': max(overheads),
         'camera_frame_pass': silent['pass'],
         'camera_8_bit': silent['octets'],
-        'camera_two_threads': threads,
     }
     print()
     for key, value in result.items():

@@ -10,6 +10,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.queues import Queue
 from pathlib import Path
+from queue import Empty
 
 from ament_index_python.packages import get_package_prefix
 from bench_loop import ONE_PROCESS, ROOT, THREE_PROCESSES, loop_rate
@@ -17,7 +18,21 @@ from bench_loop import ONE_PROCESS, ROOT, THREE_PROCESSES, loop_rate
 SIZES = ((1, 1), (8, 8), (64, 64), (346, 260), (1280, 720))
 _SECONDS, _TICKS = 4.0, os.sysconf('SC_CLK_TCK')
 # Longest time until a loop runs.
-_PATIENCE_S = 25.0
+_PATIENCE_S = 40.0
+
+
+class TooSlowError(RuntimeError):
+    """A loop that has not made the two cycles that are waited for.
+
+    Parameters
+    ----------
+    seconds
+        How long it was waited for them.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(f'< {2 / seconds:.2g} cycles/s')
+        self.bound = 2 / seconds
 
 
 def _cpu_and_memory(process: subprocess.Popen[str]) -> tuple[float, float]:
@@ -67,12 +82,14 @@ def _run(
     listener.start()
     try:
         if not rates.get(timeout=2 * _PATIENCE_S):
-            raise RuntimeError(f'{width} x {height} pixels: no cycle in {_PATIENCE_S:g} s')
+            raise TooSlowError(_PATIENCE_S)
         before = {name: _cpu_and_memory(node) for name, node in nodes.items()}
         began = time.perf_counter()
         found = rates.get(timeout=seconds + 30)
         passed = time.perf_counter() - began
         after = {name: _cpu_and_memory(node) for name, node in nodes.items()}
+    except Empty:
+        raise TooSlowError(_PATIENCE_S) from None
     finally:
         listener.terminate()
         listener.join()
@@ -82,7 +99,7 @@ def _run(
             node.communicate()
     rate = sum(found) / len(found)
     if not rate:
-        raise RuntimeError(f'{width} x {height} pixels: the loop came to a stop')
+        raise TooSlowError(seconds)
     return rate, {
         name: (1e3 * (after[name][0] - before[name][0]) / (rate * passed), after[name][1])
         for name in nodes
@@ -149,12 +166,13 @@ def measure(quick: bool = False) -> dict[str, float]:
     seconds = 1.0 if quick else _SECONDS
     for label, programs in (('three', THREE_PROCESSES), ('composed', ONE_PROCESS)):
         for size in SIZES[:1] if quick else SIZES:
+            name = f'{size[0]}x{size[1]}_{label}'
             try:
                 rate, nodes = _run(size, 90, programs, seconds)
-            except RuntimeError as error:
-                print(f'  {error}')
+            except TooSlowError as error:
+                print(f'  {name}: {error}', flush=True)
+                figures[f'scale_cycles_per_s_{name}_bound'] = error.bound
                 continue
-            name = f'{size[0]}x{size[1]}_{label}'
             figures[f'scale_cycles_per_s_{name}'] = rate
             for node, (milliseconds, megabytes) in nodes.items():
                 figures[f'scale_{name}_ms_{node}'] = milliseconds

@@ -10,32 +10,11 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reachability import unreachable_unstable_mode
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, balanced
+from dvs_hinf_controller.synthesis.gamma_search import GammaSearch, GammaTest
 from dvs_hinf_controller.synthesis.riccati import is_semidefinite, stabilizing_solution
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
 _RANK_TOLERANCE = 1e-10
-_SEARCH_FLOOR = 1e-8
-_SEARCH_CEILING = 1e10
-_MAX_BISECTIONS = 80
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GammaTest:
-    """What the Riccati equations say at one gamma.
-
-    Parameters
-    ----------
-    gamma
-        Tested level.
-    failure
-        The condition that fails, or None where a controller exists.
-    spectral_radius
-        ``rho(X Y) / gamma^2``; not a number where X or Y is absent.
-    """
-
-    gamma: float
-    failure: Assumption | None
-    spectral_radius: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +46,41 @@ class _Solution:
     y: FloatArray | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Equation:
+    """A Riccati equation but for gamma."""
+
+    drift: FloatArray
+    control: FloatArray
+    disturbance: FloatArray
+    cost: FloatArray
+
+    def solution(self, gamma: float) -> FloatArray | None:
+        quadratic = self.control - self.disturbance / gamma**2
+        return stabilizing_solution(self.drift, quadratic, self.cost)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Equations:
+    """Those for X and Y."""
+
+    control: _Equation
+    filter: _Equation
+
+    @classmethod
+    def of(cls, plant: GeneralizedPlant) -> _Equations:
+        return cls(
+            control=_equation(plant.a, plant.b1, plant.b2, plant.c1, plant.d12),
+            filter=_equation(plant.a.T, plant.c1.T, plant.c2.T, plant.b1.T, plant.d21.T),
+        )
+
+
 def hinf_synthesis(
-    plant: GeneralizedPlant, *, slack: float = 1e-3, rtol: float = 1e-6
+    plant: GeneralizedPlant,
+    *,
+    slack: float = 1e-3,
+    rtol: float = 1e-6,
+    near: float | None = None,
 ) -> HinfSynthesis:
     """Central controller with ``||F_l(P, K)||_inf < gamma`` near the least gamma.
 
@@ -84,6 +96,8 @@ def hinf_synthesis(
         stiff as it goes to zero.
     rtol
         Relative accuracy of the bisection on gamma.
+    near
+        Where the least gamma is expected; saves time where that is so. None for no idea.
 
     Raises
     ------
@@ -92,9 +106,12 @@ def hinf_synthesis(
         loop's eigenvalues are checked.
     """
     require_assumptions(plant)
-    tests: list[GammaTest] = []
-    optimal = _least_gamma(plant, rtol, tests)
-    return _synthesis_at(plant, optimal * (1 + slack), optimal, tests)
+    equations = _Equations.of(plant)
+    search = GammaSearch(lambda gamma: _solve(equations, gamma).test, rtol=rtol)
+    optimal = search.least(near)
+    if optimal is None:
+        raise _failure(search.tests[-1])
+    return _synthesis_at(plant, equations, optimal * (1 + slack), optimal, search.tests)
 
 
 def hinf_synthesis_at(plant: GeneralizedPlant, gamma: float) -> HinfSynthesis:
@@ -113,13 +130,17 @@ def hinf_synthesis_at(plant: GeneralizedPlant, gamma: float) -> HinfSynthesis:
         If an assumption fails, or no controller reaches the level.
     """
     require_assumptions(plant)
-    return _synthesis_at(plant, gamma, gamma, [])
+    return _synthesis_at(plant, _Equations.of(plant), gamma, gamma, [])
 
 
 def _synthesis_at(
-    plant: GeneralizedPlant, gamma: float, optimal: float, tests: list[GammaTest]
+    plant: GeneralizedPlant,
+    equations: _Equations,
+    gamma: float,
+    optimal: float,
+    tests: list[GammaTest],
 ) -> HinfSynthesis:
-    solution = _solve(plant, gamma)
+    solution = _solve(equations, gamma)
     tests.append(solution.test)
     if solution.x is None or solution.y is None:
         raise _failure(solution.test)
@@ -140,7 +161,7 @@ def gamma_test(plant: GeneralizedPlant, gamma: float) -> GammaTest:
     gamma
         Level.
     """
-    return _solve(plant, gamma).test
+    return _solve(_Equations.of(plant), gamma).test
 
 
 def require_assumptions(plant: GeneralizedPlant) -> None:
@@ -179,36 +200,13 @@ def require_assumptions(plant: GeneralizedPlant) -> None:
             )
 
 
-def _least_gamma(plant: GeneralizedPlant, rtol: float, tests: list[GammaTest]) -> float:
-    def feasible(gamma: float) -> bool:
-        tests.append(_solve(plant, gamma).test)
-        return tests[-1].failure is None
-
-    low, high = _SEARCH_FLOOR, 1.0
-    while not feasible(high):
-        low, high = high, 10 * high
-        if high > _SEARCH_CEILING:
-            raise _failure(tests[-1])
-    while low == _SEARCH_FLOOR and high > _SEARCH_FLOOR:
-        if not feasible(high / 10):
-            low = high / 10
-        else:
-            high /= 10
-    for _ in range(_MAX_BISECTIONS):
-        if high <= low * (1 + rtol):
-            break
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if feasible(middle) else (middle, high)
-    return high
-
-
-def _solve(plant: GeneralizedPlant, gamma: float) -> _Solution:
-    x = _riccati(plant.a, plant.b1, plant.b2, plant.c1, plant.d12, gamma)
+def _solve(equations: _Equations, gamma: float) -> _Solution:
+    x = equations.control.solution(gamma)
     if x is None:
         return _failed(gamma, Assumption.X_ABSENT)
     if not is_semidefinite(x):
         return _failed(gamma, Assumption.X_INDEFINITE)
-    y = _riccati(plant.a.T, plant.c1.T, plant.c2.T, plant.b1.T, plant.d21.T, gamma)
+    y = equations.filter.solution(gamma)
     if y is None:
         return _failed(gamma, Assumption.Y_ABSENT)
     if not is_semidefinite(y):
@@ -224,14 +222,16 @@ def _failed(gamma: float, failure: Assumption, radius: float = math.nan) -> _Sol
     return _Solution(test=GammaTest(gamma=gamma, failure=failure, spectral_radius=radius))
 
 
-def _riccati(
-    a: FloatArray, b1: FloatArray, b2: FloatArray, c1: FloatArray, d12: FloatArray, gamma: float
-) -> FloatArray | None:
+def _equation(
+    a: FloatArray, b1: FloatArray, b2: FloatArray, c1: FloatArray, d12: FloatArray
+) -> _Equation:
     weight = np.linalg.inv(d12.T @ d12)
-    drift = a - b2 @ weight @ d12.T @ c1
     projected = c1 - d12 @ weight @ d12.T @ c1
-    return stabilizing_solution(
-        drift, b2 @ weight @ b2.T - b1 @ b1.T / gamma**2, projected.T @ projected
+    return _Equation(
+        drift=a - b2 @ weight @ d12.T @ c1,
+        control=b2 @ weight @ b2.T,
+        disturbance=b1 @ b1.T,
+        cost=projected.T @ projected,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace
@@ -45,31 +44,20 @@ def reduced_plant(
     o = output_weight or StateSpace.constant(1.0)
     unit = c / np.linalg.norm(c)
     across = np.eye(n) - np.outer(unit, unit)
-    states = scipy.linalg.block_diag(a, v.a, o.a)
-    states[n + v.order :, :n] = o.b @ unit[None, :]
+    # States of the plant, of V and of the output weight.
+    of_v, of_o, size = slice(n, n + v.order), slice(n + v.order, None), n + v.order + o.order
+    states, noise, inputs = np.zeros((size, size)), np.zeros((size, n + 1)), np.zeros((size, m))
+    states[:n, :n], states[of_v, of_v], states[of_o, of_o] = a, v.a, o.a
+    states[of_o, :n] = o.b @ unit[None, :]
+    noise[:n, :n], noise[of_v, n:], inputs[:n] = process_noise * np.eye(n), v.b, b
+    costs, input_costs = np.zeros((n + m, size)), np.zeros((n + m, m))
+    costs[:n, :n] = across + np.outer(unit, o.d @ unit[None, :])
+    costs[:n, of_o] = unit[:, None] @ o.c
+    input_costs[n:] = input_cost * np.eye(m)
+    measured, measured_noise = np.zeros((1, size)), np.zeros((1, n + 1))
+    measured[0, :n], measured[:, of_v], measured_noise[:, n:] = c, v.c, v.d
     return GeneralizedPlant(
-        a=states,
-        b1=np.block(
-            [
-                [process_noise * np.eye(n), np.zeros((n, 1))],
-                [np.zeros((v.order, n)), v.b],
-                [np.zeros((o.order, n + 1))],
-            ]
-        ),
-        b2=np.vstack([b, np.zeros((v.order + o.order, m))]),
-        c1=np.block(
-            [
-                [
-                    across + np.outer(unit, o.d @ unit[None, :]),
-                    np.zeros((n, v.order)),
-                    unit[:, None] @ o.c,
-                ],
-                [np.zeros((m, n + v.order + o.order))],
-            ]
-        ),
-        c2=np.hstack([c[None, :], v.c, np.zeros((1, o.order))]),
-        d12=np.vstack([np.zeros((n, m)), input_cost * np.eye(m)]),
-        d21=np.hstack([np.zeros((1, n)), v.d]),
+        a=states, b1=noise, b2=inputs, c1=costs, c2=measured, d12=input_costs, d21=measured_noise
     )
 
 

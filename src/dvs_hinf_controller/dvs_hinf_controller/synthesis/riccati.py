@@ -118,6 +118,5 @@ def _symplectic_scale(hamiltonian: FloatArray) -> FloatArray:
     n = hamiltonian.shape[0] // 2
     magnitudes = np.abs(hamiltonian)
     np.fill_diagonal(magnitudes, 0.0)
-    _, (raw, _) = scipy.linalg.matrix_balance(magnitudes, permute=False, separate=True)
-    exponents = np.log2(raw)
+    exponents = np.log2(lapack.dgebal(magnitudes, scale=1, permute=0)[3])
     return np.asarray(2.0 ** np.round((exponents[n:] - exponents[:n]) / 2), dtype=np.float64)

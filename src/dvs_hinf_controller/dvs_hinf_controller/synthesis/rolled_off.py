@@ -109,7 +109,7 @@ def synthesize_rolled_off(
     for scale in _QUIETER:
         try:
             quieter = partial(regularised, noise_scale=scale)
-            found = _least_gamma(quieter, rates, options.gamma_slack)
+            found = _least_gamma(quieter, rates, options.gamma_slack, near=optimal)
         except SynthesisError:
             break
         if found[1] > optimal * (1 - 2 * options.gamma_slack):
@@ -178,7 +178,10 @@ def as_controller(synthesis: HinfSynthesis) -> LinearController:
 
 
 def _least_gamma(
-    plant: Callable[[float], GeneralizedPlant], rates: list[float], slack: float
+    plant: Callable[[float], GeneralizedPlant],
+    rates: list[float],
+    slack: float,
+    near: float | None = None,
 ) -> tuple[float, float]:
     """Fastest roll-off that double precision bears, and the least gamma there.
 
@@ -189,7 +192,7 @@ def _least_gamma(
     bandwidths = dict.fromkeys(multiple * rate for rate in rates for multiple in _FASTEST)
     for bandwidth in bandwidths:
         try:
-            synthesis = hinf_synthesis(plant(bandwidth), slack=slack, rtol=_GAMMA_RTOL)
+            synthesis = hinf_synthesis(plant(bandwidth), slack=slack, rtol=_GAMMA_RTOL, near=near)
         except SynthesisError as error:
             if error.assumption in _STRUCTURAL:
                 raise
