@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -51,7 +52,7 @@ KEYS = {
     'exact_vs_rk45_r100',
     'exact_us_per_event_r10000',
     'start_to_first_command_s',
-}
+} | ({'design_vs_dkpy'} if find_spec('dkpy') else set())
 
 
 def run(script, *arguments):
