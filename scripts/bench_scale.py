@@ -72,7 +72,7 @@ def _run(
         executable: subprocess.Popen(
             [f'{get_package_prefix(package)}/lib/{package}/{executable}', *arguments],
             env=environment,
-            # A pipe that nobody reads would stop them once it is full.
+            # A full pipe would stop them.
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

@@ -67,7 +67,7 @@ class _Class:
 
 
 class ManyPixels:
-    """Takes sums once, in two passes; see `FewPixels`.
+    """Takes sums once, in two passes; for the rest see `FewPixels`.
 
     Parameters
     ----------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 
@@ -17,13 +16,24 @@ from dvs_hinf_controller.sector_means import SectorMeans, Sectors
 _FEW = 4096
 
 
-class PixelSums(Protocol):
-    """Sums over the luminosities at the set-point, ``|D_i|``, and the sectors.
+class FewPixels:
+    """Looks at each pixel.
+
+    Parameters
+    ----------
+    scene
+        Pixels and their groups.
+    model
+        What they see.
+    state
+        Set-point.
+    bounds
+        m and M of every pixel.
 
     Attributes
     ----------
     rms
-        ``||D|| / sqrt(r)``.
+        ``||D|| / sqrt(r)`` of the luminosities at the set-point.
     mean
         Mean of ``|D_i|``.
     group_means
@@ -36,12 +46,19 @@ class PixelSums(Protocol):
         ``max w_i``.
     """
 
-    rms: float
-    mean: float
-    group_means: FloatArray
-    least: FloatArray
-    worst_ratio: float
-    widest: float
+    def __init__(
+        self, scene: PixelScene, model: PlantModel, state: FloatArray, bounds: ReferenceBounds
+    ) -> None:
+        self._groups, self._count = scene.groups, model.group_count
+        luminosity = scene.luminosity(model, state)
+        self._levels = np.abs(luminosity)
+        self._widths = 0.5 * np.log(bounds.upper / bounds.lower)
+        self.rms = float(np.sqrt(np.mean(luminosity**2)))
+        self.mean = float(np.mean(self._levels))
+        self.group_means = self._means(self._levels)
+        self.least = np.array([one.min() for one in self._by_group(self._levels)])
+        self.worst_ratio = float(np.min(bounds.lower / bounds.upper))
+        self.widest = float(self._widths.max())
 
     def sector_means(
         self, sectors: Sectors, *, slope_error: float = 0.0, unknown: float = 0.0
@@ -57,6 +74,15 @@ class PixelSums(Protocol):
         unknown
             Constant error of every luminosity.
         """
+        if sectors.own_widths:
+            delta = np.tanh(np.maximum(sectors.level + self._widths, 0.0))
+        else:
+            delta = np.full(self._widths.size, math.tanh(sectors.level))
+        return SectorMeans(
+            share=self._means(delta * (1 + slope_error) + slope_error),
+            constant=self._means(delta * (self._levels + unknown)),
+            largest=float(delta.max()),
+        )
 
     def bend(self, rate: FloatArray, change: FloatArray, unknown: float) -> FloatArray:
         """Mean of ``(L + c) (rate / (L - c))^2`` with ``L = |D_i| + unknown``, shape (k,).
@@ -66,10 +92,25 @@ class PixelSums(Protocol):
         rate
             Of every group, shape (k,).
         change
-            c, less than every L, shape (k,).
+            c of every group, less than each of its L, shape (k,).
         unknown
             Constant error of every luminosity.
         """
+        levels = self._levels + unknown
+        near = change[0] if self._groups is None else change[self._groups]
+        steep = rate[0] if self._groups is None else rate[self._groups]
+        return self._means((levels + near) * (steep / (levels - near)) ** 2)
+
+    def _by_group(self, values: FloatArray) -> list[FloatArray]:
+        if self._groups is None:
+            return [values]
+        return [values[self._groups == one] for one in range(self._count)]
+
+    def _means(self, values: FloatArray) -> FloatArray:
+        return np.array([one.mean() for one in self._by_group(values)])
+
+
+PixelSums = FewPixels | ManyPixels
 
 
 def pixel_sums(
@@ -90,82 +131,3 @@ def pixel_sums(
     """
     kind = FewPixels if scene.pixel_count <= _FEW else ManyPixels
     return kind(scene, model, state, bounds)
-
-
-class FewPixels:
-    """Looks at each pixel; see `PixelSums`.
-
-    Parameters
-    ----------
-    scene
-        Pixels and their groups.
-    model
-        What they see.
-    state
-        Set-point.
-    bounds
-        m and M of every pixel.
-    """
-
-    def __init__(
-        self, scene: PixelScene, model: PlantModel, state: FloatArray, bounds: ReferenceBounds
-    ) -> None:
-        self._groups, self._count = scene.groups, model.group_count
-        luminosity = scene.luminosity(model, state)
-        self._levels = np.abs(luminosity)
-        self._widths = 0.5 * np.log(bounds.upper / bounds.lower)
-        self.rms = float(np.sqrt(np.mean(luminosity**2)))
-        self.mean = float(np.mean(self._levels))
-        self.group_means = self._means(self._levels)
-        self.least = np.array([one.min() for one in self._by_group(self._levels)])
-        self.worst_ratio = float(np.min(bounds.lower / bounds.upper))
-        self.widest = float(self._widths.max())
-
-    def sector_means(
-        self, sectors: Sectors, *, slope_error: float = 0.0, unknown: float = 0.0
-    ) -> SectorMeans:
-        """Means of the sectors; see `PixelSums.sector_means`.
-
-        Parameters
-        ----------
-        sectors
-            delta_i.
-        slope_error
-            e.
-        unknown
-            Constant error of every luminosity.
-        """
-        if sectors.own_widths:
-            delta = np.tanh(np.maximum(sectors.level + self._widths, 0.0))
-        else:
-            delta = np.full(self._widths.size, math.tanh(sectors.level))
-        return SectorMeans(
-            share=self._means(delta * (1 + slope_error) + slope_error),
-            constant=self._means(delta * (self._levels + unknown)),
-            largest=float(delta.max()),
-        )
-
-    def bend(self, rate: FloatArray, change: FloatArray, unknown: float) -> FloatArray:
-        """Mean of ``(L + c) (rate / (L - c))^2``; see `PixelSums.bend`.
-
-        Parameters
-        ----------
-        rate
-            Of every group, shape (k,).
-        change
-            c, shape (k,).
-        unknown
-            Constant error of every luminosity.
-        """
-        levels = self._levels + unknown
-        near = change[0] if self._groups is None else change[self._groups]
-        steep = rate[0] if self._groups is None else rate[self._groups]
-        return self._means((levels + near) * (steep / (levels - near)) ** 2)
-
-    def _by_group(self, values: FloatArray) -> list[FloatArray]:
-        if self._groups is None:
-            return [values]
-        return [values[self._groups == one] for one in range(self._count)]
-
-    def _means(self, values: FloatArray) -> FloatArray:
-        return np.array([one.mean() for one in self._by_group(values)])
