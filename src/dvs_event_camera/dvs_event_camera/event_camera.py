@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -12,26 +12,17 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
+from dvs_common.scenario.reference_bounds import threshold_step
 from dvs_common.scenario.scenario import Scenario
-from dvs_common.scenario.sensor_parameters import SensorParameters
 from dvs_common.wire.events import INDEX_MODULUS, LONGEST_INTERVAL_NS, NO_EVENTS, EventPacket
 from dvs_common.wire.keyframe import Keyframe
 from dvs_event_camera.pixels.event_flood import MOST_EVENTS, EventFlood
-from dvs_event_camera.pixels.imperfections import Imperfections
-from dvs_event_camera.pixels.photoreceptor import (
-    LinLogPhotoreceptor,
-    LogPhotoreceptor,
-    Photoreceptor,
-    SignedLogPhotoreceptor,
-)
 from dvs_event_camera.pixels.pixel_array import PixelArray
 from dvs_event_camera.pixels.pixel_events import PixelEvents
+from dvs_event_camera.scenario_pixels import pixels_of_scenario
 from dvs_event_camera.streams.event_records import records_of
 from dvs_event_camera.streams.image_source import LuminosityFrame
 
-# Who leaves the uncertainty at its default says nothing about (A1), and no pixel may violate it.
-_UNSTATED_UNCERTAINTY = SensorParameters().reference_uncertainty
 # Time that one packet covers, so that the INT32 nanoseconds before its stamp do not overflow.
 _PACKET_SPAN_NS = LONGEST_INTERVAL_NS
 
@@ -240,6 +231,32 @@ class EventCamera:
             restart_reason='',
         )
 
+    def pass_silence(
+        self, stamp_ns: int, luminosity: Sequence[float], shape: tuple[int, int]
+    ) -> bool:
+        """Take a frame of a few pixels if nothing but time passes with it; else do nothing.
+
+        `take` would make an exposure without events of such a frame.
+
+        Parameters
+        ----------
+        stamp_ns
+            Sample time, ns.
+        luminosity
+            Luminosity, row-major.
+        shape
+            Height and width.
+
+        Returns
+        -------
+        bool
+            Whether the frame was taken.
+        """
+        pixels = self._pixels
+        if pixels is None or self._restart_asked or shape != self._shape:
+            return False
+        return pixels.pass_silence(stamp_ns, luminosity)
+
     def _start(self, frame: LuminosityFrame, reason: str) -> Exposure:
         pixels = self._make_pixels(frame.pixels.reshape(-1).astype(np.float64), frame.darkest)
         pixels.update(frame.stamp_ns, frame.pixels)
@@ -308,93 +325,3 @@ class EventCamera:
         )
         self._index += len(events)
         return EventPacket(stamp_ns=stamp_ns, events=records)
-
-
-def photoreceptor_of_scenario(scenario: Scenario, darkest: float = 0.0) -> Photoreceptor:
-    """Photoreceptor with the parameters of a scenario.
-
-    Parameters
-    ----------
-    scenario
-        All parameters.
-    darkest
-        Darkest luminosity that the images can tell: a floor of the logarithm.
-    """
-    if scenario.sensor.photoreceptor == 'signed_log':
-        return SignedLogPhotoreceptor(dead_band=scenario.sensor.dead_band)
-    if scenario.sensor.photoreceptor == 'lin_log':
-        return LinLogPhotoreceptor(knee=scenario.camera.lin_log_knee)
-    return LogPhotoreceptor(log_floor=max(scenario.camera.log_floor, darkest))
-
-
-def imperfections_of_scenario(scenario: Scenario) -> Imperfections:
-    """Non-idealities with the parameters of a scenario.
-
-    Parameters
-    ----------
-    scenario
-        All parameters.
-    """
-    return Imperfections(
-        **{
-            name: getattr(scenario.imperfections, name)
-            for name in Imperfections.__dataclass_fields__
-        }
-    )
-
-
-def _stated_bounds(scenario: Scenario, luminosity: FloatArray) -> ReferenceBounds | None:
-    """Bounds that the parameters state; None where they follow from the first sample."""
-    stated = scenario.sensor.reference_lower or scenario.sensor.reference_upper
-    return scenario.reference_bounds(luminosity) if stated else None
-
-
-def pixels_of_scenario(
-    scenario: Scenario,
-    luminosity: FloatArray,
-    darkest: float,
-    backend: str = 'auto',
-    *,
-    bounds: bool = True,
-    first_reference: FloatArray | None = None,
-) -> PixelArray:
-    """Pixel array with the parameters of a scenario.
-
-    Parameters
-    ----------
-    scenario
-        All parameters.
-    luminosity
-        First sample, shape (r,).
-    darkest
-        Darkest luminosity that the images can tell.
-    backend
-        `auto`, `numba` or `numpy`.
-    bounds
-        Whether to work out the bounds of the references from the first sample.
-    first_reference
-        ``|q(0)|``, shape (r,); None for what `initial_reference` says.
-
-    Raises
-    ------
-    ParameterError
-        If parameters do not fit together or to the first sample.
-    """
-    receptor = photoreceptor_of_scenario(scenario, darkest)
-    return PixelArray(
-        event_threshold=scenario.sensor.event_threshold,
-        log_base=scenario.sensor.log_base,
-        photoreceptor=receptor,
-        bounds=_stated_bounds(scenario, luminosity) if bounds else None,
-        reference_uncertainty=scenario.sensor.reference_uncertainty,
-        strict_start=scenario.sensor.reference_uncertainty != _UNSTATED_UNCERTAINTY,
-        initial_reference=(
-            scenario.sensor.initial_reference if first_reference is None else first_reference
-        ),
-        seed=scenario.loop.seed,
-        interpolation=scenario.camera.interpolation,
-        imperfections=imperfections_of_scenario(scenario),
-        label_noise=scenario.camera.label_noise,
-        threads=scenario.camera.threads,
-        backend=backend,
-    )

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Empty, Int16MultiArray, MultiArrayDimension, MultiArrayLayout
@@ -23,10 +24,11 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.anchor import pack_anchor
 from dvs_common.wire.cdr import MessageError
-from dvs_common.wire.events import EVENT_DTYPE, EventPacket, pack_events
+from dvs_common.wire.events import EVENT_DTYPE, NO_EVENTS, EventPacket, pack_events
 from dvs_common.wire.keyframe import pack_keyframe
 from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamp_gate import Passage, StampGate
+from dvs_common.wire.stamped import stamp_of
 from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_cloud import EventCloud, pack_cloud
@@ -35,9 +37,11 @@ from dvs_event_camera.streams.event_records import without_labels
 from dvs_event_camera.streams.frame_map import FrameMap
 from dvs_event_camera.streams.image_source import (
     LuminosityFrame,
+    few_pixels,
     parse_compressed,
     parse_luminosity,
 )
+from dvs_event_camera.streams.net_polarity import net_polarity
 from dvs_event_camera.streams.pixel_map import PixelMap
 from dvs_event_camera.streams.renderer import EventRenderer
 
@@ -45,7 +49,6 @@ _STALE_S = 2.0
 # A frame this much later than the last one is an outlier, or a clock that has stepped.
 _REACH_NS = 5 * NANOSECONDS
 _START_FAILED = 2
-_INT16 = np.iinfo(np.int16)
 # Of a luminosity.
 _BYTES_A_PIXEL = 8
 
@@ -85,6 +88,12 @@ class EventCameraNode(ManagedNode):
         self._image = self.advertise_on_demand(Image, topics.EVENT_IMAGE, stream)
         self._points = self.advertise_on_demand(PointCloud2, topics.EVENT_CLOUD, stream)
         self._packets = self._advertise_event_packets(stream)
+        displays = (self._polarity, self._image, self._points, self._packets)
+        self._displays = [publisher for publisher in displays if publisher is not None]
+        # Whether a frame without events leads to an empty packet and nothing else.
+        self._is_plain = (
+            self._labels is None and self._anchor is None and self._map.changes_nothing
+        )
         self._listen(self._frames_qos())
         for topic in (self._source, topics.EVENTS):
             self.expect_one_publisher(topic)
@@ -124,7 +133,8 @@ class EventCameraNode(ManagedNode):
         self._camera = EventCamera.of_scenario(self._scenario)
         self._renderer: EventRenderer | None = None
         self._cloud: EventCloud | None = None
-        self._next_image_ns = self._next_keyframe_ns = 0
+        self._next_image_ns = 0
+        self._next_keyframe_ns: float = 0.0
         self._packet_number = 0
         self._frames = self._resent = self._restarts = 0
         self._invalid_reported = False
@@ -157,7 +167,28 @@ class EventCameraNode(ManagedNode):
     # -- frames -----------------------------------------------------------------------------------
 
     def _take_image(self, message: bytes) -> None:
-        self._take(self._map.mapped(parse_luminosity(message)))
+        if not self._pass_silence(message):
+            self._take(self._map.mapped(parse_luminosity(message)))
+
+    def _pass_silence(self, message: bytes) -> bool:
+        """Answer a frame of a few pixels that changes nothing; return whether it was one."""
+        few = few_pixels(message)
+        if few is None or not self._is_plain or self._next_threshold is not None:
+            return False
+        if any(publisher.wanted for publisher in self._displays):
+            return False
+        stamp_ns = stamp_of(message)
+        if stamp_ns >= self._next_keyframe_ns or not self._gate.follows(stamp_ns):
+            return False
+        if not self._camera.pass_silence(stamp_ns, few.luminosity(message), few.shape):
+            return False
+        packet = EventPacket(stamp_ns=stamp_ns, events=NO_EVENTS)
+        self._events.publish(pack_events(packet))
+        self._gate.take(stamp_ns)
+        self._frames += 1
+        self._last_packets = (packet,)
+        self._renderer = self._cloud = None
+        return True
 
     def _take_compressed(self, message: bytes) -> None:
         self._take(self._map.mapped(parse_compressed(message)))
@@ -244,7 +275,7 @@ class EventCameraNode(ManagedNode):
         if self._labels is not None:
             self._labels.publish(pack_events(packet))
         if self._polarity.wanted:
-            self._polarity.publish(_net_polarity(packet, self._camera.shape))
+            self._polarity.publish(_polarities(net_polarity(packet, self._camera.shape)))
         if self._packets is not None and self._packets.wanted:
             height, width = self._camera.shape
             message = pack_event_packet(
@@ -254,11 +285,10 @@ class EventCameraNode(ManagedNode):
             self._packets.publish(message)
 
     def _publish_keyframe(self, stamp_ns: int, *, due_now: bool) -> None:
-        period_ns = as_nanoseconds(self._scenario.camera.keyframe_period)
-        is_due = period_ns and stamp_ns >= self._next_keyframe_ns
-        if not due_now and not is_due:
+        if not due_now and stamp_ns < self._next_keyframe_ns:
             return
-        self._next_keyframe_ns = stamp_ns + period_ns
+        period_ns = as_nanoseconds(self._scenario.camera.keyframe_period)
+        self._next_keyframe_ns = stamp_ns + period_ns if period_ns else math.inf
         self._send_keyframe()
 
     def _send_keyframe(self) -> None:
@@ -350,20 +380,15 @@ class EventCameraNode(ManagedNode):
         return troubles
 
 
-def _net_polarity(packet: EventPacket, shape: tuple[int, int]) -> Int16MultiArray:
-    height, width = shape
-    events = packet.events
-    pixel = events['y'].astype(np.int64) * width + events['x']
-    net = np.bincount(pixel, weights=events['polarity'], minlength=height * width)
-    data = array.array('h')
-    data.frombytes(np.clip(net, _INT16.min, _INT16.max).astype('<i2').tobytes())
+def _polarities(net: NDArray[np.int16]) -> Int16MultiArray:
+    height, width = net.shape
     layout = MultiArrayLayout(
         dim=[
-            MultiArrayDimension(label='y', size=height, stride=height * width),
+            MultiArrayDimension(label='y', size=height, stride=net.size),
             MultiArrayDimension(label='x', size=width, stride=width),
         ]
     )
-    return Int16MultiArray(layout=layout, data=data)
+    return Int16MultiArray(layout=layout, data=array.array('h', net.tobytes()))
 
 
 def main() -> int:

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
@@ -232,3 +234,43 @@ def test_a_clock_that_jumps_by_a_year_does_not_fill_the_memory_with_noise(noise)
     assert exposure.started
     assert 'the stamps jump by 3.1536e+07 s' in exposure.restart_reason
     assert len(exposure.events) == 0
+
+
+@given(
+    st.lists(st.floats(0.8, 1.25), min_size=2, max_size=30),
+    st.sampled_from([-1, 0, 1]),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_frame_that_passes_in_silence_leaves_what_taking_it_leaves(changes, wrong_at):
+    plain, quick = (camera_with() for _ in range(2))
+    pixels, stamp_ns = np.full((1, 3), 5.0), 0
+    for k, change in enumerate(changes):
+        pixels = pixels * change
+        stamp_ns += MS if k % 7 else wrong_at * MS
+        taken = frame(stamp_ns, pixels)
+        expected = plain.take(taken)
+        if quick.pass_silence(stamp_ns, tuple(pixels.ravel().tolist()), pixels.shape):
+            assert expected is not None and len(expected.packets) == 1
+            assert expected.packets[0].stamp_ns == stamp_ns
+            assert not len(expected.packets[0].events)
+            assert not (expected.started or expected.restart_reason)
+        else:
+            found = quick.take(taken)
+            assert (found is None) == (expected is None)
+            if found is not None and expected is not None:
+                assert [pack_events(packet) for packet in found.packets] == [
+                    pack_events(packet) for packet in expected.packets
+                ]
+        assert quick.pixels.stamp_ns == plain.pixels.stamp_ns
+        assert np.array_equal(quick.keyframe().counts, plain.keyframe().counts)
+
+
+def test_no_frame_passes_in_silence_that_starts_the_sensor_or_has_another_size():
+    camera = camera_with()
+    assert not camera.pass_silence(0, (5.0,) * 3, (1, 3))
+    camera.take(frame(0, np.full((1, 3), 5.0)))
+    assert camera.pass_silence(MS, (5.0,) * 3, (1, 3))
+    assert not camera.pass_silence(MS, (5.0,) * 3, (1, 3))
+    assert not camera.pass_silence(2 * MS, (5.0,) * 3, (3, 1))
+    camera.restart('asked')
+    assert not camera.pass_silence(2 * MS, (5.0,) * 3, (1, 3))

@@ -1,6 +1,7 @@
 """Every encoding against the pixels it was made from."""
 
 import io
+import math
 import sys
 
 import numpy as np
@@ -8,8 +9,11 @@ import pytest
 
 from dvs_common.wire.cdr import CdrWriter, MessageError
 from dvs_common.wire.messages import pack_image
+from dvs_common.wire.stamped import Memo
+from dvs_event_camera.streams import image_source
 from dvs_event_camera.streams.image_source import (
     decode_picture,
+    few_pixels,
     parse_compressed,
     parse_luminosity,
 )
@@ -181,3 +185,30 @@ def test_compressed_image_that_is_none():
 def test_more_columns_than_an_event_can_name_are_refused(shape):
     with pytest.raises(MessageError, match='an event knows 65536 rows and columns'):
         parse_luminosity(pack_image(0, np.ones(shape, np.uint8), 'mono8'))
+
+
+@pytest.mark.parametrize(
+    ('shape', 'dtype', 'encoding', 'is_read'),
+    [
+        ((3, 3), '<f8', '64FC1', True),
+        ((4, 8), '<f8', '64FC1', True),
+        ((1, 33), '<f8', '64FC1', False),
+        ((3, 3), '<f4', '32FC1', False),
+        ((3, 3), 'u1', 'mono8', False),
+    ],
+)
+def test_a_few_doubles_of_a_known_stream_are_read_without_an_array(
+    shape, dtype, encoding, is_read, monkeypatch
+):
+    monkeypatch.setattr(image_source, '_known', Memo())
+    pixels = np.arange(math.prod(shape)).reshape(shape).astype(dtype)
+    message = pack_image(7, pixels, encoding)
+    assert few_pixels(message) is None
+    parse_luminosity(message)
+    few = few_pixels(message)
+
+    assert (few is not None) == is_read
+    if few is not None:
+        assert few.shape == shape
+        assert few.luminosity(message) == tuple(pixels.ravel().tolist())
+        assert few_pixels(message[:-1]) is None

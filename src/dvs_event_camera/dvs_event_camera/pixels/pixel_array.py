@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,10 +12,9 @@ from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.scenario.reference_bounds import ReferenceBounds, threshold_step
-from dvs_event_camera.pixels.comparators import NumpyComparator
 from dvs_event_camera.pixels.compiled import kernels_for
 from dvs_event_camera.pixels.delay_line import DelayLine
-from dvs_event_camera.pixels.engine import NumpyPixels, PixelEngine
+from dvs_event_camera.pixels.engine import PixelEngine
 from dvs_event_camera.pixels.engine_choice import PixelLaw, engine_of
 from dvs_event_camera.pixels.event_flood import EventFlood
 from dvs_event_camera.pixels.imperfections import Imperfections
@@ -30,7 +30,7 @@ from dvs_event_camera.pixels.references import (
     reference_levels,
     require_silent_start,
 )
-from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
+from dvs_event_camera.pixels.silent_band import SilentBand, silent_band_of
 
 # Position of a level, in steps from its reference, at which a pixel is about to fire.
 _INSIDE = 1 - 1e-9
@@ -120,7 +120,7 @@ class PixelArray:
         self._stamp_ns: int | None = None
         self._bounds: ReferenceBounds
         self._waiting: NDArray[np.int64] = np.empty(0, np.int64)
-        self._silent_frame: list[float] | None = None
+        self._silent_frame: Sequence[float] | None = None
         self.engine: PixelEngine
 
     @property
@@ -258,14 +258,16 @@ class PixelArray:
             )
         if self._waiting.size:
             self._start_waiting(stamp_ns, sample)
+        if self._band is not None and self.pass_silence(stamp_ns, sample.tolist()):
+            return PixelEvents.empty()
         try:
-            if self._band is None:
-                events = self._expose(stamp_ns, sample)
-            else:
-                events = self._expose_small(self._band, stamp_ns, sample)
+            self._catch_up()
+            events = self._expose(stamp_ns, sample)
         except EventFlood:
             self._stamp_ns = None
             raise
+        if self._band is not None:
+            self._band = self._silent_band()
         self._stamp_ns = stamp_ns
         return events
 
@@ -290,18 +292,22 @@ class PixelArray:
         self.engine.start_pixels(pixels, light)
         self._band = self._silent_band()
 
-    def _expose_small(
-        self, band: SilentBand, stamp_ns: int, sample: NDArray[np.generic]
-    ) -> PixelEvents:
-        """Expose the pixels, but leave a frame in the silent band for later."""
-        luminosity = sample.tolist()
-        if band.holds(luminosity):
-            self._silent_frame = luminosity
-            return PixelEvents.empty()
-        self._catch_up()
-        events = self._expose(stamp_ns, sample)
-        self._band = self._silent_band()
-        return events
+    def pass_silence(self, stamp_ns: int, luminosity: Sequence[float]) -> bool:
+        """Take the next sample of a small array if it is silent; return whether it was taken.
+
+        Parameters
+        ----------
+        stamp_ns
+            Time of the sample, ns.
+        luminosity
+            y, r entries.
+        """
+        if self._stamp_ns is None or self._band is None or self._waiting.size:
+            return False
+        if stamp_ns <= self._stamp_ns or not self._band.holds(luminosity):
+            return False
+        self._silent_frame, self._stamp_ns = luminosity, stamp_ns
+        return True
 
     def _catch_up(self) -> None:
         """Let the comparators see the last silent frame."""
@@ -311,18 +317,9 @@ class PixelArray:
             self._silent_frame = None
 
     def _silent_band(self) -> SilentBand | None:
-        """Where these pixels are silent; None if they are many or not the ideal ones."""
-        ideal = (
-            isinstance(self.engine, NumpyPixels)
-            and type(self.engine.comparator) is NumpyComparator
-            and isinstance(self._receptor, LogPhotoreceptor)
-            and self._labels is None
-            and self.delay is None
-            and not self.stages
-        )
-        if not ideal or self._origin.size > LARGEST_ARRAY:
+        if self._labels is not None or self.delay is not None or self.stages:
             return None
-        return SilentBand(self.reference_levels, self.log_step)
+        return silent_band_of(self.engine, self._receptor, self.reference_levels, self.log_step)
 
     def _expose(self, stamp_ns: int, sample: NDArray[np.generic]) -> PixelEvents:
         """Events since the frame that the comparators saw last."""

@@ -12,6 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from dvs_common.arrays import FloatArray
+from dvs_event_camera.pixels.comparators import NumpyComparator
+from dvs_event_camera.pixels.engine import NumpyPixels, PixelEngine
+from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photoreceptor
 
 # Pixels up to which plain comparisons are cheaper than NumPy's.
 LARGEST_ARRAY = 32
@@ -55,3 +58,29 @@ class SilentBand:
             if not lower < y < upper:
                 return False
         return True
+
+
+def silent_band_of(
+    engine: PixelEngine, receptor: Photoreceptor, reference_levels: FloatArray, step: float
+) -> SilentBand | None:
+    """Where pixels are silent; None if they are many or not the ideal ones.
+
+    Parameters
+    ----------
+    engine
+        The pixels.
+    receptor
+        Their photoreceptor.
+    reference_levels
+        Natural logarithms of the references, shape (r,).
+    step
+        Threshold as a change of the level, ``h ln b``.
+    """
+    is_ideal = (
+        isinstance(engine, NumpyPixels)
+        and type(engine.comparator) is NumpyComparator
+        and isinstance(receptor, LogPhotoreceptor)
+    )
+    if not is_ideal or reference_levels.size > LARGEST_ARRAY:
+        return None
+    return SilentBand(reference_levels, step)

@@ -27,7 +27,7 @@ class FrameMap:
 
     def __init__(self, pixel_map: PixelMap) -> None:
         self._map = pixel_map
-        self._changes_nothing = pixel_map == PixelMap()
+        self.changes_nothing = pixel_map == PixelMap()
         self._shape: tuple[int, ...] = ()
         self._used: NDArray[np.bool_] = np.empty(0, np.bool_)
         self._first: NDArray[np.float64] = np.empty(0)
@@ -45,7 +45,7 @@ class FrameMap:
         MessageError
             If the region reaches beyond the image.
         """
-        if self._changes_nothing:
+        if self.changes_nothing:
             return frame
         height, width = frame.pixels.shape
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,8 @@ from dvs_event_camera.streams.encodings import Encoding, encoding_named, luma
 
 # An integer says no more than "less than half a grey level" where it says 0.
 _DARKEST_INTEGER = 0.5
+# Pixels of an image up to which Python's floats are cheaper than arrays.
+_FEW_PIXELS = 32
 # Coordinates of an event are 16 bits wide.
 _LARGEST_SIDE = 65536
 
@@ -67,6 +70,47 @@ def parse_luminosity(message: bytes) -> LuminosityFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FewPixels:
+    """How the images of a stream of a few doubles are read without an array.
+
+    Parameters
+    ----------
+    start
+        Where the pixels begin in a message, bytes.
+    numbers
+        All of them.
+    shape
+        Height and width.
+    """
+
+    start: int
+    numbers: struct.Struct
+    shape: tuple[int, int]
+
+    def luminosity(self, message: bytes) -> tuple[float, ...]:
+        """Luminosity of every pixel, row-major.
+
+        Parameters
+        ----------
+        message
+            CDR bytes of an image of the stream.
+        """
+        return self.numbers.unpack_from(message, self.start)
+
+
+def few_pixels(message: bytes) -> FewPixels | None:
+    """How to read an image of a stream that `parse_luminosity` has met; None for any other.
+
+    Parameters
+    ----------
+    message
+        CDR bytes.
+    """
+    reading = _known.find(message)
+    return None if reading is None or len(message) < reading.end else reading.few
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Reading:
     """Where the pixels of a stream's images stand, and how their bytes become numbers."""
 
@@ -77,6 +121,8 @@ class _Reading:
     width: int
     row_bytes: int
     used_bytes: int
+    # None where the pixels are many, or no packed doubles.
+    few: FewPixels | None
 
     def pixels(self, message: bytes) -> NDArray[Any]:
         """Luminosity, shape (height, width)."""
@@ -112,6 +158,10 @@ def _reading_of(head: ImageHead) -> _Reading:
             f'{form.height} x {form.width} pixels of {form.encoding} do not fit rows of '
             f'{form.step} bytes'
         )
+    count = height * form.width
+    packed = form.encoding == '64FC1' and not form.big_endian and form.step == used_bytes
+    shape = height, form.width
+    few = FewPixels(start=head.start, numbers=struct.Struct(f'<{count}d'), shape=shape)
     return _Reading(
         start=head.start,
         end=head.end,
@@ -120,6 +170,7 @@ def _reading_of(head: ImageHead) -> _Reading:
         width=form.width,
         row_bytes=form.step,
         used_bytes=used_bytes,
+        few=few if packed and count <= _FEW_PIXELS else None,
     )
 
 
