@@ -9,6 +9,7 @@ from dvs_common.node.health import Trouble
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.messages import Vector
 from dvs_plant_sim.dynamics import Dynamics
+from dvs_plant_sim.small_step import SmallStep
 
 
 class SampledPlant(Protocol):
@@ -22,6 +23,12 @@ class SampledPlant(Protocol):
 
     def publish_sample(self, stamp_ns: int) -> None:
         """Publish state and luminosity; see `PlantNode.publish_sample`."""
+
+    def publish_image(self, image: bytes, stamp_ns: int) -> None:
+        """Publish an image of the present state; see `PlantNode.publish_image`."""
+
+    def small_step(self) -> SmallStep | None:
+        """Return the short way of a step, where there is one; see `PlantNode.small_step`."""
 
     def send_again(self) -> None:
         """Publish the last luminosity once more."""

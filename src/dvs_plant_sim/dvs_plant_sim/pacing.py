@@ -18,6 +18,11 @@ class Pace:
         self._factor = factor
         self._anchor: tuple[int, float] | None = None
 
+    @property
+    def is_free(self) -> bool:
+        """Whether simulated time never waits."""
+        return self._factor == 0
+
     def change(self, factor: float) -> None:
         """Run at another factor from now on.
 

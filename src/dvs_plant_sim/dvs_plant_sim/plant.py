@@ -42,8 +42,9 @@ class Plant:
             raise ParameterError('sampling_period', as_seconds(period_ns), 'must be > 0')
         self._model = model
         self.state = state
-        self._period_ns = period_ns
-        self._period_step = held_input_step(model, period_ns)
+        self.period_ns = period_ns
+        # exp(A T) and the input matrix of a period.
+        self.period_step = held_input_step(model, period_ns)
 
     def advance(self, duration_ns: int, command: FloatArray) -> None:
         """Move on by `duration_ns` with the input held at `command`.
@@ -57,8 +58,8 @@ class Plant:
         """
         if duration_ns == 0:
             return
-        if duration_ns == self._period_ns:
-            transition, gain = self._period_step
+        if duration_ns == self.period_ns:
+            transition, gain = self.period_step
         else:
             transition, gain = held_input_step(self._model, duration_ns)
         self.state = transition @ self.state + gain @ command

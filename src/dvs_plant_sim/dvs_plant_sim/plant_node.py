@@ -11,6 +11,7 @@ from sensor_msgs.msg import Image, JointState
 
 from dvs_common.arrays import FloatArray
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.node.direct_calls import raw_sender
 from dvs_common.node.health import Health, Level, Trouble
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.scenario.brightness_profile import BrightnessProfile
@@ -24,13 +25,14 @@ from dvs_plant_sim.disturbance import disturbed
 from dvs_plant_sim.driver import Driver
 from dvs_plant_sim.dynamics import Dynamics
 from dvs_plant_sim.lockstep_driver import LockstepDriver
+from dvs_plant_sim.plant import Plant
 from dvs_plant_sim.realtime_driver import RealtimeDriver
+from dvs_plant_sim.small_step import LARGEST_INPUT, SmallStep
 
 _FAILURE = 1
 _STALE_S = 2.0
 # Bytes of a command, of any controller: reading millions of names would hold up the plant.
 _BYTES_AN_INPUT = 4096
-_LARGEST_INPUT = 1e100
 # Of a luminosity image.
 _BYTES_A_PIXEL = 8
 
@@ -102,6 +104,7 @@ class PlantNode(ManagedNode):
             topics.LUMINOSITY,
             topics.stream_qos(topics.history_depth(_BYTES_A_PIXEL * pixels)),
         )
+        self._send_luminosity = raw_sender(self._luminosity_publisher)
         for topic in (topics.LUMINOSITY, topics.COMMAND):
             self.expect_one_publisher(topic)
         self._state_publisher = self.advertise_on_demand(
@@ -170,16 +173,46 @@ class PlantNode(ManagedNode):
         if self._scene.profile is not None:
             self._watch_profile(stamp_ns, self._scene.profile)
         image = luminosity.reshape(self._scene.height, self._scene.width)
-        self._message = pack_image(stamp_ns, image, '64FC1')
+        self.publish_image(pack_image(stamp_ns, image, '64FC1'), stamp_ns)
+
+    def publish_image(self, image: bytes, stamp_ns: int) -> None:
+        """Publish what the pixels see of the present state, and the state.
+
+        Parameters
+        ----------
+        image
+            CDR bytes.
+        stamp_ns
+            Time of the sample, ns.
+        """
+        self._message = image
         # First what the loop waits for, then what others look at.
-        self._luminosity_publisher.publish(self._message)
+        self._send_luminosity(image)
         if self._state_publisher.wanted:
+            state = self.plant.state
             vector = Vector(stamp_ns=stamp_ns, names=self._state_names, values=state)
             self._state_publisher.publish(pack_state(vector))
 
+    def small_step(self) -> SmallStep | None:
+        """The short way from a command to the next image; None where there is none."""
+        # Subclasses may move, and see, in ways of their own.
+        plant, sees_plainly = self.plant, type(self).luminosity is PlantNode.luminosity
+        if type(plant) is not Plant or not sees_plainly:
+            return None
+        if not SmallStep.fits(self._model, self._scene):
+            return None
+        return SmallStep(
+            plant,
+            self._model,
+            self._scene,
+            input_names=self._input_names,
+            output_disturbance=self._scenario.disturbance.output_disturbance,
+            needs_light=self._scenario.sensor.photoreceptor == 'log',
+        )
+
     def send_again(self) -> None:
         """Publish the last luminosity once more."""
-        self._luminosity_publisher.publish(self._message)
+        self._send_luminosity(self._message)
 
     def checked_command(self, message: bytes) -> Vector:
         """Command of a serialized sensor_msgs/JointState.
@@ -200,9 +233,9 @@ class PlantNode(ManagedNode):
         command = parse_command(message)
         values = command.values.tolist()
         # NaN is not less than anything.
-        if len(values) != len(names) or not all(abs(u) < _LARGEST_INPUT for u in values):
+        if len(values) != len(names) or not all(abs(u) < LARGEST_INPUT for u in values):
             raise MessageError(
-                f'command {values} is not {len(names)} finite numbers below {_LARGEST_INPUT:g}'
+                f'command {values} is not {len(names)} finite numbers below {LARGEST_INPUT:g}'
             )
         if command.names != names:
             raise MessageError(

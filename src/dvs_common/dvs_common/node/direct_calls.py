@@ -190,5 +190,19 @@ class DirectPublisher:
 AnyPublisher: TypeAlias = Publisher | DirectPublisher
 
 
+def raw_sender(publisher: AnyPublisher) -> Callable[[bytes], None]:
+    """Return what publishes serialized messages without a look at what they are.
+
+    Parameters
+    ----------
+    publisher
+        Publisher of the topic.
+    """
+    if isinstance(publisher, DirectPublisher):
+        return publisher.publish
+    send: Callable[[bytes], None] = publisher.handle.publish_raw
+    return send
+
+
 def _is_latched(qos: QoSProfile) -> bool:
     return bool(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
