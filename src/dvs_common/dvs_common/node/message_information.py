@@ -33,7 +33,10 @@ class WithInformation:
 
     def __call__(self, *received: Any) -> None:
         """Take a message and the information about it, as two arguments or as a tuple."""
-        self._take(*(received if len(received) == 2 else received[0]))
+        if len(received) == 2:
+            self._take(*received)
+        else:
+            self._take(*received[0])
 
 
 def publication_ns(information: Mapping[str, Any]) -> int | None:

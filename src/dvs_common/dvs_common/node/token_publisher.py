@@ -7,7 +7,7 @@ from collections.abc import Callable
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
-from dvs_common.node.direct_calls import AnyPublisher
+from dvs_common.node.direct_calls import AnyPublisher, raw_sender
 
 
 class TokenPublisher:
@@ -34,6 +34,7 @@ class TokenPublisher:
     ) -> None:
         self._node = node
         self._publisher = publisher
+        self._send = raw_sender(publisher)
         self._renewed = renewed
         self._last: bytes | None = None
         self._met: set[bytes] = set()
@@ -47,7 +48,7 @@ class TokenPublisher:
             CDR bytes.
         """
         self._last = message
-        self._publisher.publish(message)
+        self._send(message)
 
     def forget(self) -> None:
         """Drop what is latched, when time has begun anew: a late reader must not take it for new.
@@ -56,6 +57,7 @@ class TokenPublisher:
         """
         self._last = None
         self._publisher = self._renewed(self._publisher)
+        self._send = raw_sender(self._publisher)
 
     def look(self) -> None:
         """Send the last message again if a subscriber came that can't have it."""
@@ -65,5 +67,5 @@ class TokenPublisher:
             if info.qos_profile.durability == DurabilityPolicy.VOLATILE
         }
         if self._last is not None and found - self._met:
-            self._publisher.publish(self._last)
+            self._send(self._last)
         self._met = found
