@@ -10,6 +10,7 @@ from geometry_msgs.msg import Twist, Wrench
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Float64MultiArray
 
+from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.nanoseconds import as_seconds
 from dvs_common.node.health import Health, Level, RateMeter, Trouble
@@ -20,7 +21,13 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.anchor import parse_anchor
 from dvs_common.wire.command_copy import command_copy
-from dvs_common.wire.events import EVENT_DTYPE, EventPacket, parse_events
+from dvs_common.wire.events import (
+    EVENT_DTYPE,
+    NO_EVENTS,
+    EventPacket,
+    pack_events,
+    parse_events,
+)
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
@@ -28,6 +35,7 @@ from dvs_hinf_controller.design.design import Design, DesignFigures, design_from
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
 from dvs_hinf_controller.running.event_controller import PacketReport
+from dvs_hinf_controller.running.look_ahead import ReadyAnswer
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_hinf_controller.running.reference_state import Synchrony
 
@@ -122,6 +130,8 @@ class HinfControllerNode(ManagedNode):
         self._threshold = self._controller.event_threshold
         self._unknown_said = False
         self._blind_s = 0.0
+        self._stamp_ns = 0
+        self._ready: ReadyAnswer | None = None
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
@@ -140,6 +150,7 @@ class HinfControllerNode(ManagedNode):
         return lambda: self._adopt(scenario, design)
 
     def _adopt(self, scenario: Scenario, design: Design) -> None:
+        self._ready = None
         self._scenario, self._design = scenario, design
         self._controller.redirect(design.problem, design.controller)
         self._report_design()
@@ -147,13 +158,16 @@ class HinfControllerNode(ManagedNode):
     # -- messages -------------------------------------------------------------------------------
 
     def _take(self, message: bytes) -> None:
-        packet = parse_events(message)
-        foreseen = self._controller.foreseen(packet)
-        if foreseen is not None:
-            self._publish_command(packet.stamp_ns, foreseen)
-        report = self._controller.take(packet)
-        self._stamp_ns = packet.stamp_ns
-        if foreseen is None:
+        ready, self._ready = self._ready, None
+        report = None
+        if ready is not None and message == ready.message:
+            packet = ready.packet
+            self._send_command(ready.answer, ready.command)
+            # An empty packet brings nothing but time.
+            self._controller.take(packet)
+        else:
+            packet = parse_events(message)
+            report = self._controller.take(packet)
             if report.restarted:
                 self._command_publisher.forget()
             self._publish_command(packet.stamp_ns, self._controller.command)
@@ -162,10 +176,23 @@ class HinfControllerNode(ManagedNode):
                 pack_estimate(packet.stamp_ns, self._controller.estimate)
             )
         self._packets += 1
-        # What was foreseen has brought nothing but time.
-        if foreseen is None:
+        if report is not None:
             self._note(report, packet)
+        before_ns, self._stamp_ns = self._stamp_ns, packet.stamp_ns
+        self._get_ready(2 * packet.stamp_ns - before_ns)
+
+    def _get_ready(self, stamp_ns: int) -> None:
+        """Make the answer to a next packet that is as long and empty, while there is time."""
         self._controller.look_ahead()
+        packet = EventPacket(stamp_ns=stamp_ns, events=NO_EVENTS)
+        command = self._controller.foreseen(packet)
+        if command is not None:
+            self._ready = ReadyAnswer(
+                packet=packet,
+                message=pack_events(packet),
+                command=command,
+                answer=self._packed(stamp_ns, command),
+            )
 
     def _note(self, report: PacketReport, packet: EventPacket) -> None:
         self._repeated += report.repeated
@@ -174,13 +201,19 @@ class HinfControllerNode(ManagedNode):
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
         self._say(report, packet.stamp_ns)
 
-    def _publish_command(self, stamp_ns: int, values: np.ndarray) -> None:
-        command = Vector(stamp_ns=stamp_ns, names=self._names, values=values)
-        self._command_publisher.publish(pack_command(command))
+    def _publish_command(self, stamp_ns: int, values: FloatArray) -> None:
+        self._send_command(self._packed(stamp_ns, values), values)
+
+    def _packed(self, stamp_ns: int, values: FloatArray) -> bytes:
+        return pack_command(Vector(stamp_ns=stamp_ns, names=self._names, values=values))
+
+    def _send_command(self, message: bytes, values: FloatArray) -> None:
+        self._command_publisher.publish(message)
         if self._copy is not None:
             self._copy_publisher.publish(self._copy.pack(values))
 
     def _take_keyframe(self, message: bytes) -> None:
+        self._ready = None
         keyframe = parse_keyframe(message)
         self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
 
@@ -195,6 +228,7 @@ class HinfControllerNode(ManagedNode):
         )
 
     def _take_anchor(self, message: bytes) -> None:
+        self._ready = None
         anchor = parse_anchor(message)
         self._say(self._controller.take_anchor(anchor), anchor.stamp_ns)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvs_common.arrays import FloatArray
+from dvs_common.wire.events import EventPacket
 from dvs_hinf_controller.running.means import Deviation
 
 
@@ -31,6 +32,28 @@ class Silence:
     deviation: Deviation
     state: FloatArray
     command: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReadyAnswer:
+    """The command to a packet that is expected: nothing is left to do but to compare bytes.
+
+    Parameters
+    ----------
+    packet
+        The packet, without events.
+    message
+        It as CDR bytes.
+    command
+        Command, shape (m,).
+    answer
+        It as CDR bytes.
+    """
+
+    packet: EventPacket
+    message: bytes
+    command: FloatArray
+    answer: bytes
 
 
 class LookAhead:
