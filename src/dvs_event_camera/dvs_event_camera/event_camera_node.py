@@ -24,20 +24,19 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.anchor import pack_anchor
 from dvs_common.wire.cdr import MessageError
-from dvs_common.wire.events import EVENT_DTYPE, NO_EVENTS, EventPacket, pack_events
+from dvs_common.wire.events import EVENT_DTYPE, EventPacket, pack_events
 from dvs_common.wire.keyframe import pack_keyframe
 from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamp_gate import Passage, StampGate
-from dvs_common.wire.stamped import stamp_of
 from dvs_event_camera.event_camera import EventCamera, Exposure
 from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_cloud import EventCloud, pack_cloud
 from dvs_event_camera.streams.event_packet import pack_event_packet
 from dvs_event_camera.streams.event_records import without_labels
+from dvs_event_camera.streams.expected_frame import ExpectedFrames
 from dvs_event_camera.streams.frame_map import FrameMap
 from dvs_event_camera.streams.image_source import (
     LuminosityFrame,
-    few_pixels,
     parse_compressed,
     parse_luminosity,
 )
@@ -144,6 +143,7 @@ class EventCameraNode(ManagedNode):
         self._gate = StampGate(_REACH_NS)
         self._frames_of_light = AnchorFrames.of_scenario(self._scenario)
         self._last_packets: tuple[EventPacket, ...] = ()
+        self._expected = ExpectedFrames(self._gate)
 
     def change(self, scenario: Scenario) -> Callable[[], None]:
         """Change threshold or display; see `ManagedNode.change`."""
@@ -156,6 +156,7 @@ class EventCameraNode(ManagedNode):
         return bool(scenario.sensor.event_threshold != self._scenario.sensor.event_threshold)
 
     def _adopt(self, scenario: Scenario) -> None:
+        self._expected.forget()
         if self._camera.pixels is None:
             self._camera = EventCamera.of_scenario(scenario)
         elif self._differs(scenario):
@@ -167,28 +168,18 @@ class EventCameraNode(ManagedNode):
     # -- frames -----------------------------------------------------------------------------------
 
     def _take_image(self, message: bytes) -> None:
-        if not self._pass_silence(message):
+        silent = self._expected.take(message, self._camera)
+        if silent is None:
             self._take(self._map.mapped(parse_luminosity(message)))
-
-    def _pass_silence(self, message: bytes) -> bool:
-        """Answer a frame of a few pixels that changes nothing; return whether it was one."""
-        few = few_pixels(message)
-        if few is None or not self._is_plain or self._next_threshold is not None:
-            return False
-        if any(publisher.wanted for publisher in self._displays):
-            return False
-        stamp_ns = stamp_of(message)
-        if stamp_ns >= self._next_keyframe_ns or not self._gate.follows(stamp_ns):
-            return False
-        if not self._camera.pass_silence(stamp_ns, few.luminosity(message), few.shape):
-            return False
-        packet = EventPacket(stamp_ns=stamp_ns, events=NO_EVENTS)
-        self._events.publish(pack_events(packet))
-        self._gate.take(stamp_ns)
-        self._frames += 1
-        self._last_packets = (packet,)
-        self._renderer = self._cloud = None
-        return True
+        else:
+            self._events.publish(silent.answer)
+            self._frames += 1
+            self._last_packets = (silent.packet,)
+            self._renderer = self._cloud = None
+        if not self._is_plain or self._next_threshold is not None:
+            return
+        if not any(publisher.wanted for publisher in self._displays):
+            self._expected.expect_after(message, before_ns=self._next_keyframe_ns)
 
     def _take_compressed(self, message: bytes) -> None:
         self._take(self._map.mapped(parse_compressed(message)))
