@@ -23,6 +23,7 @@ from tqdm.contrib import DummyTqdmFile
 
 BENCHMARKS = (
     'loop',
+    'hop',
     'latency',
     'start',
     'sampled',

@@ -22,7 +22,18 @@ ELSEWHERE = {
     'version.py': 'test_manifests',
 }
 # Designs at many sizes and the table of scale take minutes, small as they are.
-QUICK = ('loop', 'latency', 'start', 'sampled', 'controller', 'cycle', 'camera', 'codecs', 'exact')
+QUICK = (
+    'loop',
+    'hop',
+    'latency',
+    'start',
+    'sampled',
+    'controller',
+    'cycle',
+    'camera',
+    'codecs',
+    'exact',
+)
 COMMANDS = {
     'bench.py': (*QUICK, '--quick', '--json', 'OUTPUT/bench.json'),
     'figures_camera.py': ('--output', 'OUTPUT'),
