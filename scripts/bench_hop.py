@@ -103,7 +103,9 @@ def run_watched(module: str, output: Path) -> int:
     watch = Watch()
     sender = direct_calls.raw_sender
     direct_calls.raw_sender = lambda publisher: watch.publish(sender(publisher))
-    WithInformation.__call__ = watch_method(watch, WithInformation.__call__)
+    WithInformation.__call__ = watch_method(  # type: ignore[method-assign]
+        watch, WithInformation.__call__
+    )
     code: int = importlib.import_module(module).main()
     medians = {
         section: 1e-3 * statistics.median(times[len(times) // 3 :])

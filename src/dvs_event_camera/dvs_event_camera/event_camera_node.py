@@ -29,6 +29,7 @@ from dvs_common.wire.keyframe import pack_keyframe
 from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamp_gate import Passage, StampGate
 from dvs_event_camera.event_camera import EventCamera, Exposure
+from dvs_event_camera.rehearsal import rehearse
 from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_cloud import EventCloud, pack_cloud
 from dvs_event_camera.streams.event_packet import pack_event_packet
@@ -68,6 +69,8 @@ class EventCameraNode(ManagedNode):
         """Check the parameters and create the topics; see `ManagedNode.configure`."""
         self._scenario = scenario
         EventCamera.of_scenario(scenario)
+        if self.is_given('pixel_grid'):
+            rehearse(scenario)
         camera = scenario.camera
         self._map = FrameMap(
             PixelMap(region=camera.region, binning=camera.binning, masked=camera.masked_pixels)

@@ -38,6 +38,7 @@ from dvs_hinf_controller.running.event_controller import PacketReport
 from dvs_hinf_controller.running.look_ahead import ReadyAnswer
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_hinf_controller.running.reference_state import Synchrony
+from dvs_hinf_controller.running.rehearsal import rehearse
 
 _ASK_AGAIN_S = 0.5
 _STALE_S = 2.0
@@ -106,6 +107,7 @@ class HinfControllerNode(ManagedNode):
         for topic in (topics.EVENTS, topics.COMMAND):
             self.expect_one_publisher(topic)
         self._report_design()
+        rehearse(event_controller(self._design, scenario))
 
     def _report_design(self) -> None:
         self._certificate = LiveCertificate(self._design, self._scenario.uncertainty.pixel_mask)
