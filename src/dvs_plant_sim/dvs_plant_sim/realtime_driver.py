@@ -39,12 +39,14 @@ class RealtimeDriver:
         self._hold_input = scenario.equilibrium.feedforward
         qos = topics.handshake_qos(scenario.loop.mode)
         node.listen(JointState, topics.COMMAND, self._receive, qos)
-        node.every(scenario.loop.sampling_period, self._tick)
+        self._timer = node.every(scenario.loop.sampling_period, self._tick)
 
     def start(self) -> None:
         """Count samples from now on."""
         self._plant = RealtimePlant(self._node.plant)
         self._start_ns = self._last_ns = self._now_ns()
+        # So that the timer calls just after samples are due, and not at any time between two.
+        self._timer.reset()
         self._last_wall_s = time.monotonic()
         self._sample = self._released_at = 0
         self._stale = False

@@ -1,13 +1,17 @@
 """The plant on the wall clock: each command acts from its arrival on, and time only goes on."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dvs_common.scenario.model import PlantModel
+from dvs_common.scenario.scenario import Scenario
 from dvs_plant_sim.plant import Plant
 from dvs_plant_sim.realtime import RealtimePlant
+from dvs_plant_sim.realtime_driver import RealtimeDriver
 
 MS = 1_000_000
 
@@ -88,3 +92,31 @@ def test_when_it_is_asked_does_not_matter(arrivals, samples):
 
     assert plant.state == pytest.approx([expected * 1e-3], abs=1e-12)
     assert plant.last_arrival_ns == times[-1] * MS
+
+
+class Surroundings:
+    """What a driver asks of its node while it starts, and the order in which it does."""
+
+    def __init__(self):
+        self.asked = []
+        self.plant = None
+
+    def listen(self, *_):
+        pass
+
+    def every(self, *_):
+        return SimpleNamespace(reset=lambda: self.asked.append('timer'))
+
+    def get_clock(self):
+        return SimpleNamespace(now=self.now)
+
+    def now(self):
+        self.asked.append('clock')
+        return SimpleNamespace(nanoseconds=1)
+
+
+def test_the_timer_begins_once_the_clock_of_the_samples_is_read():
+    node = Surroundings()
+    RealtimeDriver(node, Scenario.from_values({'mode': 'realtime'})).start()
+
+    assert node.asked == ['clock', 'timer']
