@@ -59,9 +59,7 @@ def test_bad_parameter_is_refused(executable, parameters, message, domain, proce
 
 
 @pytest.mark.parametrize('executable', [*ALL, 'pendulum_sim', 'composed_loop'])
-def test_a_node_explains_itself_and_starts_with_nothing_that_it_does_not_know(
-    executable, domain, processes
-):
+def test_a_node_prints_its_help_and_refuses_unknown_arguments(executable, domain, processes):
     asked = start(executable, domain, ['--help'])
     mistaken = start(executable, domain, ['--params-file', 'none.yaml'])
     processes += [asked, mistaken]

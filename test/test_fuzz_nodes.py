@@ -82,7 +82,7 @@ def test_a_loop_goes_on_through_mutated_messages_on_all_its_topics(domain, proce
         assert max(map(len, output.splitlines())) < 1000
 
 
-def test_a_command_of_twenty_megabytes_costs_a_short_line(domain, processes):
+def test_a_command_of_twenty_megabytes_is_refused_in_a_short_line(domain, processes):
     plant = start('plant_sim', domain, ros_arguments({'duration': 0.0}))
     processes.append(plant)
     huge = JointState(name=['u1'] * 1_000_000, effort=[0.0] * 1_000_000)

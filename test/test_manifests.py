@@ -104,7 +104,7 @@ def test_a_package_depends_on_what_it_imports(package: Path) -> None:
 
 
 @pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
-def test_what_has_no_key_is_said(package: Path) -> None:
+def test_a_manifest_lists_the_imports_without_a_rosdep_key(package: Path) -> None:
     needed = imported(package, tests=False) | imported(package, tests=True)
     comment = re.search(r'No rosdep key: ([\w, ]+?) \(', (package / 'package.xml').read_text())
 

@@ -236,7 +236,7 @@ def test_streams_on_demand_are_recorded_by_name(domain, processes, tmp_path):
 
 
 @pytest.mark.parametrize('waits', [[], ['--wait']])
-def test_play_waits_for_who_listens_and_ends_on_ctrl_c(waits, domain, processes, tmp_path):
+def test_play_waits_for_subscribers_and_ends_on_ctrl_c(waits, domain, processes, tmp_path):
     with BagWriter(tmp_path / 'bag', {topics.CLOCK: 'rosgraph_msgs/msg/Clock'}) as bag:
         bag.write(topics.CLOCK, 0, pack_clock(0))
     player = start('dvs_closed_loop', domain, ['play', str(tmp_path / 'bag'), *waits])

@@ -26,7 +26,7 @@ RELATIVES = {
         'test_certified_is_never_worse_than_another_method',
         'test_certified_is_the_best_column',
         'test_two_inputs_are_no_worse_than_one',
-        'test_more_inputs_only_help',
+        'test_another_input_does_not_raise_mu',
     ),
     '05-params-of-another-node-name': (
         'test_a_loop_runs_with_the_values_of_a_file_keyed_by_full_names',
@@ -48,7 +48,7 @@ RELATIVES = {
     '08-report-of-a-32FC1-plant': (
         'test_luminosity_of_every_depth_is_a_signal',
         'test_an_image_of_another_size_is_left_out',
-        'test_single_channels',
+        'test_an_image_of_one_channel_is_its_luminosity',
         'test_colours_become_luma',
     ),
     '09-record-a-best-effort-camera': (
@@ -65,9 +65,9 @@ RELATIVES = {
         'test_mosaics_and_signed_integers_are_taken_as_they_are',
     ),
     '12-scene-of-60-pictures': (
-        'test_scene_waits_for_who_sees_it_so_that_its_first_picture_is_not_lost',
+        'test_scene_waits_for_subscribers_so_that_its_first_picture_is_not_lost',
         'test_scene_begins_at_once_where_it_is_told_to',
-        'test_play_waits_for_who_listens_and_ends_on_ctrl_c',
+        'test_play_waits_for_subscribers_and_ends_on_ctrl_c',
         'test_play_begins_at_once_where_it_is_told_to',
     ),
     '13-video-of-25-frames-a-second': (
@@ -126,7 +126,7 @@ RELATIVES = {
         'test_a_missing_partner_is_named',
     ),
     '22-no-period-is-short-enough': (
-        'test_longer_is_unstable_and_shorter_is_stable',
+        'test_a_longer_period_is_unstable_and_a_shorter_one_stable',
         'test_tool_warns_of_a_period_that_is_too_long',
         'test_stable_plant_left_alone_needs_no_samples',
         'test_a_sampling_period_beyond_the_longest_is_warned_of',

@@ -42,7 +42,7 @@ def test_nodes_elsewhere_are_left_out():
         plan_of(MIRROR, elsewhere=('plant_sim',))
 
 
-def test_only_the_plant_waits():
+def test_only_the_plant_is_started_inactive():
     *partners, plant = plan_of(MIRROR, plant_waits=True, parameters={'duration': 1.0})
     assert plant.parameters == {'duration': 1.0, 'autostart': False}
     assert all(plan.parameters == {'duration': 1.0} for plan in partners)

@@ -35,7 +35,7 @@ def assert_field(topic, path):
         type_name = detail if kind.name == 'NAME' else type_name
 
 
-def test_plotjuggler():
+def test_the_plotjuggler_layout_shows_topics_of_the_loop():
     root = ElementTree.parse(LAYOUTS / 'plotjuggler.xml').getroot()
     names = [curve.get(key) for curve in root.iter('curve') for key in ('curve_x', 'curve_y')]
     names = [name for name in names if name]
@@ -60,7 +60,7 @@ def test_plotjuggler():
         assert topic in selected
 
 
-def test_foxglove():
+def test_the_foxglove_layout_shows_topics_of_the_loop():
     layout = json.loads((LAYOUTS / 'foxglove.json').read_text())
     panels = layout['configById']
 
@@ -88,7 +88,7 @@ def test_foxglove():
     assert health.type_name == 'diagnostic_msgs/msg/DiagnosticArray'
 
 
-def test_rqt():
+def test_the_rqt_layout_shows_topics_of_the_loop():
     manager = json.loads((LAYOUTS / 'rqt.perspective').read_text())['groups']['pluginmanager']
     running = ast.literal_eval(manager['keys']['running-plugins']['repr'])
     groups = manager['groups']
@@ -128,7 +128,7 @@ def test_the_layouts_are_installed():
     ]
 
 
-def test_rviz():
+def test_the_rviz_layout_shows_topics_of_the_loop():
     manager = yaml.safe_load((LAYOUTS / 'rviz.rviz').read_text())['Visualization Manager']
     assert manager['Global Options']['Fixed Frame'] == FRAME_ID
     displays = {display['Name']: display for display in manager['Displays']}

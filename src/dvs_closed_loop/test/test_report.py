@@ -123,7 +123,7 @@ def test_what_a_recorder_lost_is_not_laid_to_the_loop(topic, tmp_path, capsys):
     assert all('packets of which the recorder lost' in line for line in lost)
 
 
-def test_samples_that_a_plant_skipped_are_said_to_be_skipped(tmp_path, capsys):
+def test_samples_that_a_plant_skipped_are_reported_as_skipped(tmp_path, capsys):
     path = tmp_path / 'bag'
     kept = {}
     with BagWriter(path, TYPES) as writer:

@@ -124,7 +124,7 @@ def test_an_anchor_is_an_image_of_one_channel(encoding, kind):
     assert found.luminosity.tolist() == [1, 2, 3, 0, 5, 6]
 
 
-def test_what_is_no_luminosity_was_not_measured():
+def test_values_that_are_no_luminosity_count_as_not_measured():
     y = np.array([1.0, np.nan, -3.0, np.inf, 0.0, 2.0])
     found = parse_anchor(pack_anchor(Anchor(stamp_ns=0, luminosity=y), height=2, width=3))
     assert found.luminosity.tolist() == [1, 0, 0, 0, 0, 2]

@@ -64,7 +64,7 @@ def test_the_variable_that_keeps_ros_from_starting_is_named(variables):
     assert found.stdout.startswith(f'{name} = {value}: '), found.stderr
 
 
-def test_arguments_that_ros_refuses_are_told():
+def test_arguments_that_ros_refuses_are_named():
     with pytest.raises(ParameterError, match='ros-args = -p: Failed to parse'):
         own_arguments(['program', '--ros-args', '-p', ''])
 

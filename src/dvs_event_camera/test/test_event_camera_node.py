@@ -190,7 +190,7 @@ def test_scene_to_camera_to_table(graph, tmp_path):
     assert set(columns[:, 3]) == {0, 1}
 
 
-def test_scene_waits_for_who_sees_it_so_that_its_first_picture_is_not_lost(graph):
+def test_scene_waits_for_subscribers_so_that_its_first_picture_is_not_lost(graph):
     scene = graph.start('tools.scene_node', 'grating', '--size', '2x3', '--frames', '5')
     graph.turn_until(lambda: graph.node.count_publishers('luminosity') > 0)
     graph.turn_for(0.5)

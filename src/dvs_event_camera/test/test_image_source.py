@@ -25,7 +25,7 @@ PIXELS = np.array([[1, 2, 3], [250, 0, 7]])
     ('encoding', 'dtype', 'darkest'),
     [('64FC1', '<f8', 0), ('32FC1', '<f4', 0), ('mono8', 'u1', 0.5), ('mono16', '<u2', 0.5)],
 )
-def test_single_channels(encoding, dtype, darkest):
+def test_an_image_of_one_channel_is_its_luminosity(encoding, dtype, darkest):
     found = parse_luminosity(pack_image(42, PIXELS.astype(dtype), encoding))
     assert np.array_equal(found.pixels, PIXELS)
     assert found.pixels.dtype == np.dtype(dtype)
@@ -166,7 +166,7 @@ def compressed(data):
     return writer.finish()
 
 
-def test_compressed_image():
+def test_a_compressed_image_holds_the_luminosity_of_its_pixels():
     image = pytest.importorskip('PIL.Image')
     for pixels in (PIXELS.astype(np.uint8), np.repeat(PIXELS[..., None], 3, 2).astype(np.uint8)):
         stream = io.BytesIO()

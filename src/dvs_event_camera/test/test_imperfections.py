@@ -55,7 +55,7 @@ def test_zero_imperfections_are_the_ideal_pixel():
 
 @given(st.integers(0, 1000), st.sampled_from([0.3e-3, 2e-3, 7e-3]))
 @settings(max_examples=40, deadline=None)
-def test_refractory_pixel_waits_and_then_tells_everything(seed, period):
+def test_refractory_pixel_waits_and_then_fires_all_that_is_due(seed, period):
     h, size = 0.1, 5
     levels = np.vstack([np.zeros(size), walk(seed, 30, size)])
     levels = np.vstack([levels, np.repeat(levels[-1:], 400, axis=0)])
@@ -74,7 +74,7 @@ def test_refractory_pixel_fires_at_the_end_of_its_period_while_it_is_behind():
     assert events.t.tolist() == [first, first + 2_500_000, first + 5_000_000]
 
 
-def test_refractory_pixel_whose_light_comes_back_in_time_says_nothing_more():
+def test_refractory_pixel_whose_light_comes_back_in_time_fires_no_more():
     array = array_with(0.1, refractory_period=5e-3)
     events = run(array, [0, MS, 2 * MS, 9 * MS], np.exp([[0.0], [0.35], [0.05], [0.05]]))
     assert events.polarity.tolist() == [1]
@@ -174,7 +174,7 @@ def test_thresholds_of_on_and_off_are_apart():
     assert np.allclose(events.t[10:], expected, atol=2)
 
 
-def test_physical_reset_takes_the_present_level_and_tells_no_more():
+def test_physical_reset_takes_the_present_level_and_fires_no_more():
     frames = np.exp([[0.0], [0.35], [0.35], [0.35], [0.44], [0.46]])
     stamps = [0, MS, 10 * MS, 20 * MS, 21 * MS, 22 * MS]
     ladder, level = (

@@ -85,7 +85,7 @@ def labelled(events, tmp_path):
         ('% evt 2.1\n% geometry 640x480\n% end\n', evt21_words, 'evt21'),
     ],
 )
-def test_raw_files(head, encode, encoding, events, tmp_path):
+def test_raw_files_of_every_encoding_are_read(head, encode, encoding, events, tmp_path):
     path = raw_file(tmp_path / 'r.raw', head, encode(events))
     recording = open_recording(path)
 
@@ -128,7 +128,7 @@ def test_dat_files_and_their_clock_that_runs_over(tmp_path):
     assert (open_recording(path).width, open_recording(path).height) == (346, 260)
 
 
-def test_nmnist_files(tmp_path):
+def test_files_of_nmnist_are_read(tmp_path):
     events = some_events(1000, width=34, height=34, start_us=0, span_us=300_000)
     path = tmp_path / '00001.bin'
     path.write_bytes(nmnist_bytes(events))
@@ -149,7 +149,7 @@ def test_nmnist_files(tmp_path):
         ('timestamp,x,y,polarity\n', '{u},{x},{y},{p}', 1),
     ],
 )
-def test_text_as_people_have_it(head, line, unit, events, tmp_path):
+def test_text_with_and_without_a_head_is_read(head, line, unit, events, tmp_path):
     path = tmp_path / 'e.txt'
     rows = [
         line.format(x=x, y=y, t=t, p=p, q=2 * p - 1, s=t / 1e9, u=t // 1000)
@@ -408,7 +408,7 @@ def test_what_is_empty_or_something_else_is_said_in_one_line(suffix, content, tm
 
 @pytest.mark.parametrize('x', [-5, 70_000])
 @pytest.mark.parametrize('suffix', ['.txt', '.npz', '.npy', '.h5'])
-def test_a_column_that_no_pixel_has_ends_the_reading_and_becomes_no_other(suffix, x, tmp_path):
+def test_a_column_out_of_range_ends_the_reading_and_is_not_wrapped(suffix, x, tmp_path):
     path = tmp_path / f'odd{suffix}'
     t, column, ones = np.array([1000, 2000, 3000]), np.array([3, x, 3]), np.ones(3, int)
     if suffix == '.txt':

@@ -34,7 +34,7 @@ def test_full_colours_on_dark_ground(palette):
     assert max(BACKGROUND) < 40
 
 
-def test_red_means_more_light():
+def test_on_events_are_red_and_off_events_blue():
     blue, _, red = range(3)
     renderer = EventRenderer(1, 2)
     renderer.add(events_at([0, 1], [1, -1]), 0)

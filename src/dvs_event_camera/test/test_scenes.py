@@ -52,7 +52,7 @@ def test_folder_of_pictures(tmp_path):
     assert frames[0].shape == (4, 5)
 
 
-def test_source_that_is_none(tmp_path):
+def test_what_holds_no_pictures_is_refused(tmp_path):
     with pytest.raises(ParameterError, match='no pictures'):
         recorded_frames(tmp_path)
     with pytest.raises(ParameterError, match='a folder of pictures'):

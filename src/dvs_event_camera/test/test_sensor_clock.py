@@ -102,7 +102,7 @@ def test_a_ros_clock_that_is_set_back_is_followed_at_once():
     assert dates[-1][0] == stamp - 3600 * 10**9
 
 
-def test_a_packet_without_events_teaches_nothing():
+def test_a_packet_without_events_gets_no_dates():
     clock = SensorClock()
 
     assert clock.dates(np.empty(0, np.int64), EPOCH).size == 0

@@ -75,7 +75,7 @@ def bag(request, tmp_path):
     return path
 
 
-def test_table(bag, capsys):
+def test_events_are_shown_as_a_table(bag, capsys):
     assert show_events.main(['show_events', str(bag)]) == 0
     out, err = capsys.readouterr()
     lines = [tuple(map(int, line.split())) for line in out.splitlines()[1:]]
@@ -103,7 +103,7 @@ def test_csv_and_npz(bag, tmp_path, capsys):
     assert sorted(zip(*(c.tolist() for c in columns), strict=True)) == expected
 
 
-def test_limits(bag, capsys):
+def test_limit_and_seconds_bound_what_is_shown(bag, capsys):
     show_events.main(['show_events', str(bag), '--limit', '3'])
     assert len(capsys.readouterr().out.splitlines()) == 4
     show_events.main(['show_events', str(bag), '--seconds', '0.0015'])
@@ -215,7 +215,7 @@ def test_empty_stream_has_a_line_too():
     assert math.isnan(report.delay_s)
 
 
-def test_silence_has_no_rate_and_no_share():
+def test_a_packet_without_events_has_no_rate_and_no_share():
     statistics = StreamStatistics()
     silence = EventPacket(stamp_ns=0, events=np.zeros(0, EVENT_DTYPE))
     statistics.add(stretches(silence, received_ns=[10**18])[0])

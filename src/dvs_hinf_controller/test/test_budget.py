@@ -23,7 +23,7 @@ def test_the_budget_at_the_start_is_threshold_and_width():
     assert budget.allowed == math.atanh(0.2)
 
 
-def test_the_worst_moment_between_two_readings_is_told():
+def test_the_worst_moment_between_two_readings_is_reported():
     found = with_anchors(leak=2.0, anchor=0.01)
     y = PROBLEM.set_point_luminosity
     found.take(packet(0))

@@ -61,7 +61,7 @@ def test_a_lag_is_taken_back_once_the_command_is_free_again():
     assert not bounded.is_limited
 
 
-def test_who_rests_has_nothing_to_take_back():
+def test_a_resting_controller_has_no_lag_to_take_back():
     bounded = limiter(magnitude=0.5)
     bounded.take(np.array([5.0]), PERIOD, is_resting=False)
     bounded.advance(PERIOD)

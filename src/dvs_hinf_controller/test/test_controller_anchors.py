@@ -41,7 +41,7 @@ def test_an_anchor_waits_for_the_packet_of_its_stamp_and_counts_what_came_after(
 
 
 @pytest.mark.parametrize('stamp_ns', [-MS, 9 * SECOND])
-def test_an_anchor_of_forgotten_times_changes_nothing(stamp_ns):
+def test_an_anchor_older_or_newer_than_what_is_kept_changes_nothing(stamp_ns):
     found = with_anchors()
     found.take(packet(0))
     before = found.estimate.copy()

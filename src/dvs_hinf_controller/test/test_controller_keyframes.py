@@ -76,7 +76,7 @@ def test_a_keyframe_tells_where_references_were_when_counting_began():
     np.testing.assert_allclose(found.estimate, first * growth, rtol=1e-14)
 
 
-def test_a_loss_that_no_index_has_shown_is_told_by_a_keyframe():
+def test_a_loss_that_no_index_has_shown_is_found_by_a_keyframe():
     found = running()
     found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(0))
@@ -91,7 +91,7 @@ def test_a_loss_that_no_index_has_shown_is_told_by_a_keyframe():
     assert found.counts.tolist() == [2, 1, 0, 0, 0, 0]
 
 
-def test_who_comes_into_the_midst_of_an_epoch_knows_nothing_until_the_next_keyframe():
+def test_a_controller_that_starts_within_an_epoch_knows_no_reference_until_the_next_keyframe():
     found = running()
     found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(SECOND, [(0, 0, 1, 1)], first_index=40))
@@ -104,7 +104,7 @@ def test_who_comes_into_the_midst_of_an_epoch_knows_nothing_until_the_next_keyfr
     np.testing.assert_array_equal(found.counts, np.arange(PIXELS))
 
 
-def test_what_is_held_while_nothing_is_known_is_a_choice():
+def test_unknown_references_hold_the_last_command_or_the_equilibrium_input():
     for holds in (False, True):
         found = EventController(
             PROBLEM,
@@ -142,7 +142,7 @@ def test_a_new_threshold_starts_from_where_the_references_are():
     np.testing.assert_allclose(found.estimate, initial_estimate(bounds, 0.05), rtol=1e-12)
 
 
-def test_a_threshold_told_too_late_is_made_good_from_the_packets_since():
+def test_a_late_change_of_threshold_is_applied_to_the_packets_since():
     found = running()
     found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(0))

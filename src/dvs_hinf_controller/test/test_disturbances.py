@@ -122,7 +122,7 @@ def test_an_output_disturbance_costs_threshold(plain):
     assert found.h_certified < plain.figures.h_certified
 
 
-def test_what_h_costs_is_a_table_and_a_figure(tmp_path):
+def test_the_trade_between_h_and_bandwidth_is_a_table_and_a_figure(tmp_path):
     points = []
     for point in pareto(MIRROR.replace(method='unstructured')):
         points.append(point)

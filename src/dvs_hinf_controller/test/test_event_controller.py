@@ -267,7 +267,7 @@ def test_another_set_point_keeps_what_is_known_of_the_pixels():
     np.testing.assert_allclose(found.command, before.command + change, rtol=1e-12)
 
 
-def test_counts_that_no_light_explains_are_refused_and_not_trusted():
+def test_counts_beyond_any_physical_luminosity_are_refused_and_count_as_lost():
     controller = running()
     controller.take(packet(0))
     before = controller.estimate.copy()

@@ -34,7 +34,7 @@ def assert_agrees(a, b, durations=DURATIONS, rtol=1e-9):
 
 
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1))
-def test_random_systems(k, seed):
+def test_the_response_of_random_systems_is_the_matrix_exponential(k, seed):
     generator = np.random.default_rng(seed)
 
     assert_agrees(generator.standard_normal((k, k)), generator.standard_normal(k))

@@ -49,7 +49,7 @@ def test_unstable_system_has_no_norm() -> None:
     assert hinf_norm(system).upper == np.inf
 
 
-def test_zero_system() -> None:
+def test_the_norm_of_a_zero_system_is_zero() -> None:
     system = StateSpace(a=-np.eye(2), b=np.zeros((2, 1)), c=np.zeros((1, 2)), d=np.zeros((1, 1)))
     assert hinf_norm(system).upper < 1e-100
 

@@ -251,7 +251,7 @@ def test_an_anchor_is_worth_its_error_near_an_event_and_a_threshold_more_at_a_ba
     assert known.half_widths == pytest.approx(error, abs=2e-4)
 
 
-def test_an_anchor_that_nothing_agrees_with_takes_the_place_of_what_was_known():
+def test_an_anchor_against_every_bound_replaces_what_was_known():
     known = intervals(SensorUncertainty(anchor=0.01))
     y = np.array([0.4, 0.5, 2.0])
 

@@ -57,6 +57,6 @@ def test_the_sector_alone_takes_few_evaluations() -> None:
     assert len(levels) < 12
 
 
-def test_none_and_any_are_told_apart() -> None:
+def test_no_level_and_every_level_are_opposite_infinities() -> None:
     assert largest_level(lambda level: 2.0, low=-0.1) == -np.inf
     assert largest_level(lambda level: 0.5, low=-0.1) == np.inf

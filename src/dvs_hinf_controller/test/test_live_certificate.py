@@ -109,7 +109,7 @@ def test_the_certificate_follows_the_pixels_that_are_used(design):
     assert settled(certificate, PIXELS) == expected
 
 
-def test_pixels_without_figures_are_told_where_the_certificate_is_read(design, monkeypatch):
+def test_pixels_without_figures_are_named_where_the_certificate_is_read(design, monkeypatch):
     def none(problem, controller):
         raise SynthesisError(Assumption.CONFIRMATION, 'there are none')
 

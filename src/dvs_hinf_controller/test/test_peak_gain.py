@@ -52,7 +52,7 @@ def test_defective_kernel_needs_no_modes() -> None:
     assert 1 <= gains.output <= 1 + 4e-4
 
 
-def test_stiff_kernel() -> None:
+def test_the_peak_gain_of_a_stiff_kernel_is_the_closed_form() -> None:
     g = system(np.diag([-2.0, -1e6]), [2.0, -1e6], [[1.0, 1.0]])
     # 2 exp(-2 t) - 1e6 exp(-1e6 t) changes sign once, at t0 = log(5e5) / (1e6 - 2).
     t0 = math.log(5e5) / (1e6 - 2)
@@ -83,7 +83,9 @@ def test_unstable_and_silent_loops() -> None:
 
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), order=st.integers(1, 6), outputs=st.integers(1, 4))
-def test_never_too_small(seed: int, order: int, outputs: int) -> None:
+def test_a_peak_gain_is_never_below_a_fine_integration(
+    seed: int, order: int, outputs: int
+) -> None:
     rng = np.random.default_rng(seed)
     a = rng.standard_normal((order, order))
     a -= (np.max(np.linalg.eigvals(a).real) + rng.uniform(0.1, 1)) * np.eye(order)

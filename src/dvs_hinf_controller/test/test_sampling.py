@@ -62,7 +62,7 @@ def test_stable_plant_left_alone_needs_no_samples() -> None:
     assert max_sampling_period(first_order(-1.0), static(0.0)) == math.inf
 
 
-def test_longer_is_unstable_and_shorter_is_stable(paper_model: PlantModel) -> None:
+def test_a_longer_period_is_unstable_and_a_shorter_one_stable(paper_model: PlantModel) -> None:
     controller = synthesize_rolled_off(paper_model, DesignOptions()).controller
     longest = max_sampling_period(paper_model, controller)
 

@@ -116,7 +116,7 @@ def test_the_small_gain_condition_is_answered(design, holds, word):
     assert found['small gain, delta* ||Gw1||_inf < 1'] == word
 
 
-def test_a_dark_set_point_is_no_place_for_a_promise():
+def test_a_dark_set_point_has_no_promise():
     dark = Scenario.from_values({'set_point': [0.0, 0.0]})
     problem = DesignProblem.from_scenario(dark)
 

@@ -147,7 +147,7 @@ def test_ab13md_agrees_on_r_pixels(paper_model: PlantModel, r: int) -> None:
         assert bound == pytest.approx(value, rel=2e-3)
 
 
-def test_more_inputs_only_help(paper_model: PlantModel) -> None:
+def test_another_input_does_not_raise_mu(paper_model: PlantModel) -> None:
     wide = PlantModel(
         state_matrix=paper_model.state_matrix,
         input_matrix=np.hstack([paper_model.input_matrix, [[0.0], [1.0]]]),
@@ -161,7 +161,7 @@ def test_more_inputs_only_help(paper_model: PlantModel) -> None:
 
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(model=plants(max_states=5, max_inputs=2))
-def test_random_plants(model: PlantModel) -> None:
+def test_designs_of_random_plants_meet_their_norms(model: PlantModel) -> None:
     options = DesignOptions(gamma_slack=1e-2)
     unstructured = synthesize_rolled_off(model, options)
     structured = synthesize_structured(model, options)

@@ -64,7 +64,7 @@ def test_too_poor_a_reference_leaves_no_threshold(paper_problem: Make) -> None:
     assert event_threshold(poor, 0.1) < 0
 
 
-def test_no_uncertainty_is_too_large_for_a_loop_that_does_not_listen(paper_problem: Make) -> None:
+def test_a_loop_without_feedback_bears_any_uncertainty(paper_problem: Make) -> None:
     problem = paper_problem(1)
     delta = published_uncertainty(problem, dc_gain_w1=0.0, dc_gain_w2=0.0)
     assert delta == math.inf

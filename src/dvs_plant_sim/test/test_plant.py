@@ -126,7 +126,7 @@ def test_the_usual_step_is_no_special_case():
     np.testing.assert_array_equal(run(usual, (MS, 1)), run(other, (MS, 1)))
 
 
-def test_no_time_no_change():
+def test_a_step_of_no_length_changes_nothing():
     assert run(plant(1, 1, [2]), (0, 5)) == [2]
 
 

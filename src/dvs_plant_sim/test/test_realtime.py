@@ -74,7 +74,7 @@ def test_a_command_that_arrived_before_the_last_sample_acts_from_that_sample():
     st.lists(st.tuples(st.integers(1, 20), st.integers(-9, 9)), min_size=1, max_size=8),
     st.lists(st.integers(1, 20), min_size=1, max_size=8),
 )
-def test_when_it_is_asked_does_not_matter(arrivals, samples):
+def test_the_grid_of_samples_does_not_change_the_motion(arrivals, samples):
     """Any grid of samples gives the integral of the piecewise constant command."""
     gaps, values = zip(*arrivals, strict=True)
     times = np.cumsum(gaps)

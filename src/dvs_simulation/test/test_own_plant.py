@@ -32,7 +32,7 @@ def test_a_fine_threshold_holds_the_tolerance_and_a_coarse_one_does_not(rows):
     assert line.h_certified < line.h_star < line.adversarial == 0.45
 
 
-def test_the_adversary_is_never_better_than_chance(rows):
+def test_an_adversarial_disturbance_is_at_least_as_bad_as_a_random_one(rows):
     for random, adversarial in zip(rows[::2], rows[1::2], strict=True):
         assert (random['kind'], adversarial['kind']) == ('random', 'adversarial')
         assert float(adversarial['limsup']) >= float(random['limsup'])

@@ -58,7 +58,7 @@ def test_anchors_hold_a_real_sensor_for_an_hour(changes, settled_s):
     assert worst(3600.0, settled_s=settled_s, **changes) < SCENARIO.objective.tolerance
 
 
-def test_counting_alone_leaves_the_tolerance():
+def test_a_leaking_sensor_without_anchors_leaves_the_tolerance():
     assert worst(40.0, leak_rate=0.5, **COUNTING) > SCENARIO.objective.tolerance
 
 

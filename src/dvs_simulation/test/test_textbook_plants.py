@@ -35,7 +35,7 @@ def verdict(parameters):
     )
 
 
-def test_there_are_five():
+def test_there_are_five_textbook_plants():
     assert len(PLANTS) == 5
 
 

@@ -69,7 +69,7 @@ def test_a_message_that_was_sent_again_counts_once(topic):
         )
 
 
-def test_nothing_recorded_is_no_trace():
+def test_a_bag_without_commands_gives_no_trace():
     with pytest.raises(IncompleteTraceError, match='no command'):
         decode_trace(recorded([]))
 

@@ -234,7 +234,7 @@ def test_a_masked_pixel_is_not_judged():
     assert worst(masked).delta_z == pytest.approx(BOUND)
 
 
-def test_what_is_allowed_counts_as_what_is_used():
+def test_a_smaller_allowance_ends_the_certificate_as_a_larger_use_does():
     # The pixels that were left promise less than those of the start.
     verdict = certified_run(budget(), budget(delta_certified=0.2, masked_pixels=(1,)))
 
