@@ -118,6 +118,15 @@ def test_the_table_of_questions_names_files_that_define_the_answer():
         assert definition(source_file(file), name) is not None, (question, file, name)
 
 
+def test_the_table_of_the_ground_floor_has_every_module():
+    text = (DOCS / 'architecture.md').read_text(encoding='utf-8')
+    table = text.partition('## `dvs_common`, module by module')[2].partition('\n\nThe running')[0]
+    modules = {path.stem for path in (ROOT / 'src/dvs_common/dvs_common').rglob('*.py')}
+
+    assert len(table) > 1000
+    assert sorted(modules - {'__init__'} - set(re.findall(r'`(\w+)`', table))) == []
+
+
 def test_the_way_of_an_event_names_files_that_exist():
     text = (DOCS / 'architecture.md').read_text(encoding='utf-8')
     way = text.partition('## The way of one event')[2].partition('\n## ')[0]

@@ -195,57 +195,27 @@ class Scenario(Parameters):
 
     @property
     def command_limit(self) -> FloatArray:
-        """Largest ``|u_o|`` per input, shape (m,), infinite where there is none.
-
-        Raises
-        ------
-        ParameterError
-            If it has neither 0, 1 nor m entries.
-        """
+        """Largest ``|u_o|`` per input, shape (m,), infinite where there is none."""
         return self._per_input('command_limit', absent=np.inf)
 
     @property
     def command_rate_limit(self) -> FloatArray:
-        """Largest change of ``u_o`` in a second per input, shape (m,), infinite without a limit.
-
-        Raises
-        ------
-        ParameterError
-            If it has neither 0, 1 nor m entries.
-        """
+        """Largest change of ``u_o`` in a second, shape (m,), infinite where there is none."""
         return self._per_input('command_rate_limit', absent=np.inf)
 
     @property
     def disturbance_bound(self) -> FloatArray:
-        """Largest disturbance per input, shape (m,), zero where there is none.
-
-        Raises
-        ------
-        ParameterError
-            If it has neither 0, 1 nor m entries.
-        """
+        """Largest disturbance per input, shape (m,), zero where there is none."""
         return self._per_input('disturbance_bound', absent=0.0)
 
     @property
     def constant_load(self) -> FloatArray:
-        """Constant disturbance of every input, shape (m,).
-
-        Raises
-        ------
-        ParameterError
-            If it has neither 0, 1 nor m entries.
-        """
+        """Constant disturbance of every input, shape (m,)."""
         return self._per_input('constant_load', absent=0.0)
 
     @property
     def constant_load_bound(self) -> FloatArray:
-        """Largest constant load per input, shape (m,), zero where there is none.
-
-        Raises
-        ------
-        ParameterError
-            If it has neither 0, 1 nor m entries.
-        """
+        """Largest constant load per input, shape (m,), zero where there is none."""
         return self._per_input('constant_load_bound', absent=0.0)
 
     @property
@@ -301,6 +271,7 @@ class Scenario(Parameters):
         return self.objective.output_tolerance or np.inf
 
     def _per_input(self, name: str, *, absent: float) -> FloatArray:
+        """Value of every input, shape (m,); ParameterError unless there are 0, 1 or m entries."""
         m = self.model.input_count
         values = self[name] or (absent,)
         if len(values) not in (1, m):

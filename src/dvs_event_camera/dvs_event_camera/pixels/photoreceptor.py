@@ -88,28 +88,14 @@ class LogPhotoreceptor:
         return None
 
     def levels(self, luminosity: FloatArray, out: FloatArray | None = None) -> FloatArray:
-        """``ln max(y, log_floor)``.
-
-        Parameters
-        ----------
-        luminosity
-            y, any shape.
-        out
-            Where to write the levels; a new array if None.
-        """
+        """``ln max(y, log_floor)``; see `Photoreceptor.levels`."""
         if self.log_floor > 0:
             luminosity = np.maximum(luminosity, self.log_floor, out=out)
         with np.errstate(divide='ignore', invalid='ignore'):
             return np.log(luminosity, out=out)
 
     def luminosity(self, levels: FloatArray) -> FloatArray:
-        """``exp level``; -inf below the level of the floor.
-
-        Parameters
-        ----------
-        levels
-            Levels, any shape.
-        """
+        """``exp level``, -inf below the floor; see `InvertiblePhotoreceptor.luminosity`."""
         with np.errstate(over='ignore'):
             luminosity = np.exp(levels)
         if self.log_floor > 0:
@@ -117,13 +103,7 @@ class LogPhotoreceptor:
         return luminosity
 
     def floored(self, luminosity: FloatArray) -> FloatArray:
-        """``max(y, log_floor)``.
-
-        Parameters
-        ----------
-        luminosity
-            y, any shape.
-        """
+        """``max(y, log_floor)``; see `Photoreceptor.floored`."""
         return np.maximum(luminosity, self.log_floor) if self.log_floor > 0 else luminosity
 
 
@@ -159,15 +139,7 @@ class LinLogPhotoreceptor:
         return None
 
     def levels(self, luminosity: FloatArray, out: FloatArray | None = None) -> FloatArray:
-        """``y ln(k) / k`` up to k, ``ln y`` above; NaN where y < 0.
-
-        Parameters
-        ----------
-        luminosity
-            y >= 0, any shape.
-        out
-            Where to write the levels; a new array if None.
-        """
+        """``y ln(k) / k`` up to k, ``ln y`` above; NaN where y < 0; see `Photoreceptor.levels`."""
         slope = math.log(self.knee) / self.knee
         linear = np.where(luminosity >= 0, luminosity * slope, np.nan)
         with np.errstate(divide='ignore', invalid='ignore'):
@@ -180,10 +152,7 @@ class LinLogPhotoreceptor:
     def luminosity(self, levels: FloatArray) -> FloatArray:
         """``level k / ln(k)``, at least 0, up to the knee, ``exp level`` above.
 
-        Parameters
-        ----------
-        levels
-            Levels, any shape.
+        See `InvertiblePhotoreceptor.luminosity`.
         """
         knee_level = math.log(self.knee)
         with np.errstate(over='ignore'):
@@ -194,10 +163,7 @@ class LinLogPhotoreceptor:
     def floored(self, luminosity: FloatArray) -> FloatArray:
         """``max(y, 1e-9 k)``: a reference must be positive, and near zero the mapping is linear.
 
-        Parameters
-        ----------
-        luminosity
-            y, any shape.
+        See `Photoreceptor.floored`.
         """
         return np.where(luminosity == 0, 1e-9 * self.knee, luminosity)
 
@@ -229,24 +195,13 @@ class SignedLogPhotoreceptor:
             raise ParameterError('dead_band', self.dead_band, 'must be > 0 and finite')
 
     def levels(self, luminosity: FloatArray, out: FloatArray | None = None) -> FloatArray:
-        """``ln max(|y|, d)``.
-
-        Parameters
-        ----------
-        luminosity
-            y of either sign, any shape.
-        out
-            Where to write the levels; a new array if None.
-        """
+        """``ln max(|y|, d)``; see `Photoreceptor.levels`."""
         magnitude = np.maximum(np.abs(luminosity, out=out), self.dead_band, out=out)
         return np.log(magnitude, out=out)
 
     def floored(self, luminosity: FloatArray) -> FloatArray:
         """The luminosity itself: the reference bounds are those of the controller.
 
-        Parameters
-        ----------
-        luminosity
-            y of either sign, any shape.
+        See `Photoreceptor.floored`.
         """
         return luminosity

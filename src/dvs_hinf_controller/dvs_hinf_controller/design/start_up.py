@@ -111,7 +111,7 @@ def design_warnings(
     if not figures.small_gain_ok:
         warnings.append(
             'delta* ||Gw1||_inf >= 1: the small-gain condition behind h* does not hold, so h* '
-            'says nothing; h_certified does'
+            'does not apply; h_certified does'
         )
     if sampling_period > figures.max_sampling_period:
         warnings.append(

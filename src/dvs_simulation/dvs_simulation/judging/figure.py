@@ -94,6 +94,20 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
     return buffer.getvalue()
 
 
+def _head(axes: Axes, title: str, **legend: float) -> None:
+    """Title and legend above the axes: a long run fills every place inside."""
+    axes.set_title(title, loc='left')
+    axes.legend(
+        loc='lower right',
+        bbox_to_anchor=(1, 1),
+        ncols=4,
+        frameon=False,
+        borderaxespad=0,
+        columnspacing=0.8,
+        **legend,
+    )
+
+
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     errors = error(trace.states, scenario.equilibrium, scenario.error_weights)
     axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
@@ -104,8 +118,8 @@ def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) 
     )
     weighted = bool(scenario.objective.error_weights)
     label = 'error ||W (x - x_d)||' if weighted else 'error ||x - x_d|| [state units]'
-    axes.set(xlabel='time [s]', ylabel=label, title='Error')
-    axes.legend(loc='upper right', frameon=False)
+    axes.set(xlabel='time [s]', ylabel=label)
+    _head(axes, 'Error')
     axes.grid(alpha=0.3, which='both')
 
 
@@ -116,8 +130,8 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
         for bound in centre[0] + scenario.objective.tolerance * np.array([-1, 1]):
             axes.axhline(bound, color=VERMILION, ls='--', lw=1)
         axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d ± eps')
-        axes.set(xlabel='time [s]', ylabel='x1 [state units]', title='State')
-        axes.legend(loc='best', frameon=False)
+        axes.set(xlabel='time [s]', ylabel='x1 [state units]')
+        _head(axes, 'State')
         axes.grid(alpha=0.3)
         return
     axes.plot(trace.states[:, 0], trace.states[:, 1], color=BLUE, lw=0.9)
@@ -127,8 +141,8 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
     axes.set(
         xlabel='x1 [state units]',
         ylabel='x2 [state units]',
-        title=phase_portrait_title(centre.size),
     )
+    axes.set_title(phase_portrait_title(centre.size), loc='left')
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend(loc='best', frameon=False)
     axes.grid(alpha=0.3)
@@ -163,21 +177,12 @@ def _draw_events(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict)
             label=name,
             rasterized=len(times) > _MOST_VECTOR_EVENTS,
         )
-    axes.set(xlabel='time [s]', ylabel='pixel [row-major number]', title='Events')
+    axes.set(xlabel='time [s]', ylabel='pixel [row-major number]')
     axes.set_xlim(trace.times_s[0], trace.times_s[-1])
     pixel_count = trace.luminosities.shape[1]
     axes.set_ylim(-0.6, pixel_count - 0.4)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    # Above the axes: with many pixels every place inside holds events.
-    axes.legend(
-        loc='lower right',
-        bbox_to_anchor=(1, 1),
-        ncols=2,
-        frameon=False,
-        borderaxespad=0,
-        handletextpad=0,
-        columnspacing=0.8,
-    )
+    _head(axes, 'Events', handletextpad=0)
 
 
 def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
@@ -185,10 +190,8 @@ def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdic
     axes.step(
         trace.times_s, trace.estimates[:, 0], where='post', color=BLUE, lw=0.9, label='estimate z'
     )
-    axes.set(
-        xlabel='time [s]', ylabel='luminosity [luminosity units]', title='Estimate of pixel 0'
-    )
-    axes.legend(loc='best', frameon=False)
+    axes.set(xlabel='time [s]', ylabel='luminosity [luminosity units]')
+    _head(axes, 'Estimate of pixel 0')
     axes.grid(alpha=0.3)
 
 
@@ -202,8 +205,8 @@ def _draw_command(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict
             lw=0.9,
             label=f'u{i + 1}',
         )
-    axes.set(xlabel='time [s]', ylabel='command u_o [input units]', title='Command')
-    axes.legend(loc='best', frameon=False)
+    axes.set(xlabel='time [s]', ylabel='command u_o [input units]')
+    _head(axes, 'Command')
     axes.grid(alpha=0.3)
 
 
@@ -213,8 +216,8 @@ def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict)
     )
     axes.plot(trace.times_s, np.fmax.reduce(relative, axis=1), color=BLUE, lw=0.9)
     axes.axhline(verdict.delta_z, color=VERMILION, ls='--', lw=1, label='sector bound delta_z')
-    axes.legend(loc='lower right', frameon=False)
-    axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|', title='Relative error of the estimate')
+    axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|')
+    _head(axes, 'Relative error of the estimate')
     axes.grid(alpha=0.3)
 
 
