@@ -33,7 +33,7 @@ FLAGS = (
     '--disable-component-update',
     '--disable-sync',
     '--hide-scrollbars',
-    '--window-size=1400,1130',
+    '--window-size=1400,1180',
 )
 
 

@@ -157,7 +157,7 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
         assert 0 < float(figures['h_certified']) != certified
     _, output = stop(controller)
     assert '3 events were lost before 0.003000 s' in output
-    assert 'resynchronised by a keyframe: 1 pixels put right' in output
+    assert 'resynchronised by a keyframe: 1 pixels corrected' in output
 
 
 def test_unknown_references_end_a_controller_that_is_to_stop_then(domain, processes):
@@ -359,7 +359,7 @@ def test_a_controller_that_starts_after_a_change_of_threshold_is_exact(domain, p
         assert np.array_equal(estimates[-1].position, estimate_of(keyframes[-1], 0.08))
         plant.send_signal(signal.SIGCONT)
     *_, output = stop_all(processes)
-    assert 'resynchronised by a keyframe: 3 pixels put right' in output
+    assert 'resynchronised by a keyframe: 3 pixels corrected' in output
 
 
 def estimate_of(message, event_threshold):

@@ -55,7 +55,7 @@ def test_composed_is_one_process_of_the_linear_plant_alone():
     assert plan.namespace == '/left'
     with pytest.raises(ParameterError, match=r'plant_executable = .*: can not share a process'):
         plan_of(PENDULUM, composed=True)
-    with pytest.raises(ParameterError, match='excludes --composed'):
+    with pytest.raises(ParameterError, match='can not be given with --composed'):
         plan_of(MIRROR, composed=True, elsewhere=('event_camera',))
 
 

@@ -299,7 +299,7 @@ class EventCameraNode(ManagedNode):
             self._invalid_reported = True
             self.get_logger().error(
                 'luminosity without a logarithm (<= 0, NaN or infinite): such pixels hold their '
-                'last value; counted in /diagnostics, not said again'
+                'last value; counted on /diagnostics, logged once'
             )
 
     def _report_waiting(self, frame: LuminosityFrame) -> None:

@@ -225,8 +225,8 @@ class HinfControllerNode(ManagedNode):
         if before == self._threshold:
             return
         self.get_logger().warning(
-            f'event_camera goes from h = {before:g} to {self._controller.event_threshold:g}, the '
-            'estimator with it'
+            f'event_camera goes from h = {before:g} to {self._controller.event_threshold:g}; the '
+            'estimator follows'
         )
 
     def _take_anchor(self, message: bytes) -> None:
@@ -236,7 +236,7 @@ class HinfControllerNode(ManagedNode):
 
     def _say(self, report: PacketReport, stamp_ns: int) -> None:
         if report.restarted:
-            self.get_logger().warning('time has begun anew: the estimator and K start anew')
+            self.get_logger().warning('stamps have started again: so do the estimator and K')
         if report.lost_events:
             self._lost_events += report.lost_events
             self.get_logger().error(
@@ -247,7 +247,7 @@ class HinfControllerNode(ManagedNode):
         if report.resynchronised_pixels:
             self._resynchronisations += 1
             self.get_logger().warning(
-                f'resynchronised by a keyframe: {report.resynchronised_pixels} pixels put right'
+                f'resynchronised by a keyframe: {report.resynchronised_pixels} pixels corrected'
             )
 
         self._report_threshold()
@@ -258,7 +258,7 @@ class HinfControllerNode(ManagedNode):
         if is_unknown and not self._unknown_said:
             self.get_logger().error(
                 'references unknown: the sensor has started again, or was there before this '
-                'controller, and nothing has told yet where they are; waiting for a keyframe or '
+                'controller, and no message has given them yet; waiting for a keyframe or '
                 f'an anchor (unknown_references: {self._scenario.uncertainty.unknown_references})'
             )
             self._ask_for_keyframe()

@@ -101,7 +101,7 @@ class RealtimeDriver:
             return
         step = self._clock_step(now_ns)
         if step:
-            self._node.get_logger().warning(f'{step}: the plant starts anew')
+            self._node.get_logger().warning(f'{step}: the plant starts again')
             self._node.activate()
             return
         sample = (now_ns - self._start_ns) // self._period_ns

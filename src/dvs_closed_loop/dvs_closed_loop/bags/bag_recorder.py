@@ -140,7 +140,8 @@ class BagRecorder:
             packet = parse_events(message)
         except MessageError as error:
             self._node.get_logger().warning(
-                f'recorded as it is, but no event packet: {error}', throttle_duration_sec=5.0
+                f'recorded as it is, though it is no event packet: {error}',
+                throttle_duration_sec=5.0,
             )
             return
         step = self.index.take(packet)

@@ -180,5 +180,5 @@ def _composed_program(scenario: Scenario, elsewhere: Collection[str]) -> tuple[s
             f'can not share a process with the other nodes, only {PLANT} can: no --composed',
         )
     if elsewhere:
-        raise ParameterError('elsewhere', ' '.join(elsewhere), 'excludes --composed')
+        raise ParameterError('elsewhere', ' '.join(elsewhere), 'can not be given with --composed')
     return 'dvs_closed_loop', 'composed_loop'

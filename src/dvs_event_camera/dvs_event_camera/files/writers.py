@@ -116,7 +116,7 @@ class LazyWriter:
         labelled = events.noise is not None
         if self._writer is not None and labelled and not self._labelled:
             raise ParameterError(
-                'output', self._path, 'was begun without labels, and now come some'
+                'output', self._path, 'was begun without labels, and now a packet has some'
             )
         with self._nothing_useless_left():
             self._writer = self._writer or self._begin(labelled)

@@ -95,7 +95,7 @@ def own_plant_study(
             continue
         bounds = [h for h in (figures.h_star, figures.h_certified) if 0 < h < math.inf]
         if not bounds:
-            print(f'{method}: left out: its thresholds are none or any')
+            print(f'{method}: left out: no threshold is certified for it, or every one')
             continue
         thresholds = (3 * max(bounds) * np.arange(1, steps + 1) / steps).tolist()
         parameters = {
