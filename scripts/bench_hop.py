@@ -9,6 +9,7 @@ and rclpy take for each kind of message, as bytes and as objects.
 from __future__ import annotations
 
 import array
+import gc
 import importlib
 import json
 import os
@@ -49,7 +50,23 @@ class Watch:
     def __init__(self) -> None:
         self.times: dict[str, list[int]] = {'before': [], 'publish': [], 'after': []}
         self._taken_ns: int | None = None
-        self._published_ns = 0
+        self._published_ns = self._collected_ns = 0
+        self.longest_collection_ns = 0
+
+    def collect(self, phase: str, _: Any) -> None:
+        """Note the longest garbage collection once the objects of the start are frozen.
+
+        Parameters
+        ----------
+        phase
+            `start` or `stop`, see `gc.callbacks`.
+        """
+        now_ns = time.perf_counter_ns()
+        if phase == 'start':
+            self._collected_ns = now_ns
+        elif gc.get_freeze_count():
+            spent_ns = now_ns - self._collected_ns
+            self.longest_collection_ns = max(self.longest_collection_ns, spent_ns)
 
     def take(self, handle: Callable[..., None]) -> Callable[..., None]:
         """Callback of a subscription with its beginning and its end noted.
@@ -91,7 +108,7 @@ class Watch:
 
 
 def run_watched(module: str, output: Path) -> int:
-    """Run a node and write the medians of its sections, microseconds.
+    """Run a node and write the medians of its sections, and its longest collection, microseconds.
 
     Parameters
     ----------
@@ -106,11 +123,13 @@ def run_watched(module: str, output: Path) -> int:
     WithInformation.__call__ = watch_method(  # type: ignore[method-assign]
         watch, WithInformation.__call__
     )
+    gc.callbacks.append(watch.collect)
     code: int = importlib.import_module(module).main()
     medians = {
         section: 1e-3 * statistics.median(times[len(times) // 3 :])
         for section, times in watch.times.items()
     }
+    medians['collection'] = 1e-3 * watch.longest_collection_ns
     output.write_text(json.dumps(medians), encoding='utf-8')
     return code
 
@@ -147,7 +166,7 @@ def sections(seconds: float) -> dict[str, float]:
         for name, file in files.items():
             for section, microseconds in json.loads(file.read_text(encoding='utf-8')).items():
                 figures[f'hop_{name}_{section}_us'] = microseconds
-    inside = sum(us for name, us in figures.items() if '_after_' not in name)
+    inside = sum(us for name, us in figures.items() if '_before_' in name or '_publish_' in name)
     return {**figures, 'hop_delivery_us': (cycle_us - inside) / 3, 'hop_cycle_us': cycle_us}
 
 
