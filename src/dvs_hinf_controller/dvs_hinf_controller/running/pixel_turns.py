@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Events from which on compiled code pays: importing numba takes a second.
-_WORTH_COMPILING = 4096
+WORTH_COMPILING = 4096
 
 
 class PixelTurns:
@@ -64,7 +64,7 @@ def kernels_for(events: int) -> Any | None:
     events
         Number of events.
     """
-    return _kernels() if events >= _WORTH_COMPILING else None
+    return _kernels() if events >= WORTH_COMPILING else None
 
 
 @cache

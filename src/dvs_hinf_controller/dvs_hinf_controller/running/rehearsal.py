@@ -6,7 +6,7 @@ import numpy as np
 
 from dvs_common.wire.events import EventPacket, make_events, pack_events, parse_events
 from dvs_hinf_controller.running.event_controller import EventController
-from dvs_hinf_controller.running.pixel_turns import kernels_for
+from dvs_hinf_controller.running.pixel_turns import WORTH_COMPILING, kernels_for
 
 
 def rehearse(controller: EventController) -> None:
@@ -17,12 +17,12 @@ def rehearse(controller: EventController) -> None:
     Parameters
     ----------
     controller
-        Controller that is of no further use: it has taken an event of every pixel.
+        Controller that is of no further use: it has taken an event of each of many pixels.
     """
     scene = controller.problem.scene
-    count = scene.pixel_count
-    if kernels_for(count) is None:
+    if kernels_for(scene.pixel_count) is None:
         return
+    count = WORTH_COMPILING
     ones = np.ones(count, np.int8)
     events = make_events(
         times_ns=np.zeros(count, np.int64),
