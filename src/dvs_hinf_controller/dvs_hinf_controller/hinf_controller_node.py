@@ -152,7 +152,6 @@ class HinfControllerNode(ManagedNode):
         return lambda: self._adopt(scenario, design)
 
     def _adopt(self, scenario: Scenario, design: Design) -> None:
-        self._ready = None
         self._scenario, self._design = scenario, design
         self._controller.redirect(design.problem, design.controller)
         self._report_design()
@@ -162,7 +161,7 @@ class HinfControllerNode(ManagedNode):
     def _take(self, message: bytes) -> None:
         ready, self._ready = self._ready, None
         report = None
-        if ready is not None and message == ready.message:
+        if ready is not None and message == ready.message and self._still_foresees(ready):
             packet = ready.packet
             self._send_command(ready.answer, ready.command)
             # An empty packet brings nothing but time.
@@ -182,6 +181,10 @@ class HinfControllerNode(ManagedNode):
             self._note(report, packet)
         before_ns, self._stamp_ns = self._stamp_ns, packet.stamp_ns
         self._get_ready(2 * packet.stamp_ns - before_ns)
+
+    def _still_foresees(self, ready: ReadyAnswer) -> bool:
+        """Whether no other message and no new parameter has changed the answer since."""
+        return self._controller.foreseen(ready.packet) is ready.command
 
     def _get_ready(self, stamp_ns: int) -> None:
         """Make the answer to a next packet that is as long and empty, while there is time."""
@@ -215,7 +218,6 @@ class HinfControllerNode(ManagedNode):
             self._copy_publisher.publish(self._copy.pack(values))
 
     def _take_keyframe(self, message: bytes) -> None:
-        self._ready = None
         keyframe = parse_keyframe(message)
         self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
 
@@ -230,7 +232,6 @@ class HinfControllerNode(ManagedNode):
         )
 
     def _take_anchor(self, message: bytes) -> None:
-        self._ready = None
         anchor = parse_anchor(message)
         self._say(self._controller.take_anchor(anchor), anchor.stamp_ns)
 
