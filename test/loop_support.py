@@ -60,10 +60,12 @@ def ros_arguments(parameters: dict[str, object] | None = None, file: Path | None
     return arguments
 
 
-def start(executable: str, domain: int, arguments: list[str] | None = None) -> subprocess.Popen:
+def start(
+    executable: str, domain: int, arguments: list[str] | None = None, **variables: str
+) -> subprocess.Popen:
     return subprocess.Popen(
         [program(executable), *(arguments or [])],
-        env=environment(domain),
+        env=environment(domain) | variables,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         stdin=subprocess.DEVNULL,

@@ -1,6 +1,7 @@
 """Time that goes back: plant, camera and controller begin anew, and the loop is whole again."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,29 @@ from dvs_common.wire.messages import parse_command
 
 NODES = ('event_camera', 'hinf_controller', 'plant_sim')
 PERIOD_S = 0.01
+
+
+@pytest.fixture
+def stepped_clock(tmp_path):
+    """Environment of processes whose wall clock is off, and what sets by how much (s)."""
+    library = next(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'), None)
+    if library is None:
+        pytest.skip('no libfaketime here: apt-get install libfaketime')
+    offset = tmp_path / 'offset'
+
+    def set_clock(offset_s):
+        # Never half written.
+        (tmp_path / 'new').write_text(f'{offset_s:+f}\n')
+        (tmp_path / 'new').rename(offset)
+
+    set_clock(0.0)
+    environment = {
+        'LD_PRELOAD': str(library),
+        'FAKETIME_TIMESTAMP_FILE': str(offset),
+        'FAKETIME_DONT_FAKE_MONOTONIC': '1',
+        'FAKETIME_NO_CACHE': '1',
+    }
+    return environment, set_clock
 
 
 def start_loop(domain, processes, **parameters):
@@ -113,6 +137,38 @@ def test_a_clock_that_steps_starts_a_realtime_loop_again(jump_s, said, domain, p
     if jump_s < 0:
         assert 'sensor started again' in camera
         assert 'stamps have started again: so do the estimator and K' in controller
+
+
+def test_a_loop_outlives_steps_of_the_machines_clock(domain, processes, stepped_clock):
+    """All three processes take their time from the clock that `date` and NTP set."""
+    environment, set_clock = stepped_clock
+    parameters = {
+        'mode': 'realtime',
+        'sampling_period': PERIOD_S,
+        'nonphysical_luminosity': 'clamp',
+        'duration': 0.0,
+    }
+    for executable in NODES:
+        processes.append(start(executable, domain, ros_arguments(parameters), **environment))
+    with operating(domain) as operator:
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+        states = operator.collect(JointState, 'state', 100)
+        assert operator.spin_until(lambda: is_exact(messages) and len(states) > 150)
+        for offset_s in (-3600.0, 0.0):
+            before_s = stamp_s(states[-1])
+            set_clock(offset_s)
+            assert operator.spin_until(lambda b=before_s: abs(stamp_s(states[-1]) - b) > 1000)
+            operator.forget(messages)
+            seen = len(states)
+            assert operator.spin_until(lambda n=seen: is_exact(messages) and len(states) > n + 100)
+    camera, controller, plant = stop_all(processes)
+
+    assert all(math.isfinite(number) for state in states for number in state.position)
+    assert plant.count('the clock went back') == 1
+    assert plant.count('the clock went forward by 36') == 1
+    for output in (camera, controller, plant):
+        assert 'nan' not in output.lower()
+        assert 'Warning' not in output
 
 
 def test_a_controller_that_is_deactivated_leaves_the_input_that_holds(domain, processes):

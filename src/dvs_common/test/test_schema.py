@@ -145,3 +145,9 @@ def test_a_long_value_is_shortened_in_the_message():
     with pytest.raises(ParameterError) as caught:
         spec(Kind.FLOAT).validate('x' * 1000)
     assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize('kind', [Kind.FLOAT, Kind.INT])
+def test_a_number_that_is_written_as_text_is_shown_in_quotes(kind):
+    with pytest.raises(ParameterError, match=r"= '1e-3': must be a"):
+        spec(kind).validate('1e-3')

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+import rclpy
 
 from dvs_common.errors import ParameterError
 from dvs_common.node.session import (
@@ -45,14 +46,19 @@ def test_a_loop_whose_nodes_can_not_find_each_other_is_refused(text, monkeypatch
         {'ROS_HOME': '/proc/no/such/folder'},
         {'HOME': '/proc/no/such/folder'},
         {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'},
+        {'ROS_STATIC_PEERS': 'no.such.host.invalid'},
+        {'RCUTILS_COLORIZED_OUTPUT': 'maybe'},
+        {'RCUTILS_LOGGING_USE_STDOUT': 'true'},
+        {'RCUTILS_LOGGING_BUFFERED_STREAM': '2'},
     ],
     ids=lambda variables: next(iter(variables)),
 )
 def test_the_variable_that_keeps_ros_from_starting_is_named(variables):
     code = (
+        'import rclpy\n'
         'from dvs_common.errors import ParameterError\n'
         'from dvs_common.node.session import ros_session\n'
-        'try:\n    with ros_session(): pass\n'
+        'try:\n    with ros_session() as session: session.add(rclpy.create_node("n"))\n'
         'except ParameterError as error: print(error)\n'
     )
     outside = {k: v for k, v in os.environ.items() if not k.startswith(('ROS_LO', 'ROS_HO'))}
@@ -67,6 +73,16 @@ def test_the_variable_that_keeps_ros_from_starting_is_named(variables):
 def test_arguments_that_ros_refuses_are_named():
     with pytest.raises(ParameterError, match='ros-args = -p: Failed to parse'):
         own_arguments(['program', '--ros-args', '-p', ''])
+
+
+def test_a_namespace_that_the_middleware_refuses_is_told():
+    arguments = ['program', '--ros-args', '-r', f'__ns:=/{"a" * 300}']
+
+    with (
+        pytest.raises(ParameterError, match=r'ros-args = -r __ns:=/a+.*invalid node namespace'),
+        ros_session(arguments) as session,
+    ):
+        session.add(rclpy.create_node('n'))
 
 
 def test_a_session_ends_ros_even_after_an_error():

@@ -40,6 +40,9 @@ class Process:
         out, err = self._process.communicate(timeout=_PATIENCE_S)
         return self._process.returncode, out, err
 
+    def has_ended(self):
+        return self._process.poll() is not None
+
     def stop(self, number=signal.SIGINT):
         """Exit code, stdout and stderr after a signal."""
         if self._process.poll() is None:

@@ -15,13 +15,13 @@ pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Int16MultiArray, String
 
 from dvs_common.wire import topics
 from dvs_common.wire.anchor import parse_anchor
-from dvs_common.wire.events import parse_events
+from dvs_common.wire.events import EventPacket, make_events, pack_events, parse_events
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import pack_image, parse_image
 from dvs_event_camera.streams.event_packet import parse_event_packet
@@ -347,3 +347,36 @@ def test_preset_gives_the_parameters_that_are_not_given_themselves(graph):
     reply = client.call_async(GetParameters.Request(names=names))
     graph.turn_until(reply.done)
     assert [value.double_value for value in reply.result().values] == [0.2, 0.5, 5.0, 30.0]
+
+
+@pytest.mark.parametrize(
+    'reliability',
+    [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT],
+    ids=lambda policy: policy.name,
+)
+def test_show_events_takes_what_a_publisher_of_any_reliability_offers(graph, reliability):
+    publisher = graph.node.create_publisher(
+        PointCloud2, 'events', QoSProfile(depth=10, reliability=reliability)
+    )
+    show = graph.start('tools.show_events', '--limit', '2')
+    packet = pack_events(
+        EventPacket(
+            stamp_ns=MS,
+            events=make_events(
+                times_ns=np.array([MS - 1, MS]),
+                pixels=np.array([0, 1]),
+                polarities=np.array([1, -1], np.int8),
+                signs=np.ones(2, np.int8),
+                width=4,
+                stamp_ns=MS,
+                first_index=0,
+            ),
+        )
+    )
+    graph.turn_until(show.has_ended, act=lambda: publisher.publish(packet))
+    code, out, err = show.wait()
+
+    assert code == 0, err
+    assert len(out.splitlines()) == 3
+    best_effort = reliability == ReliabilityPolicy.BEST_EFFORT
+    assert err.count('best-effort QoS: taken best effort') == best_effort

@@ -31,6 +31,12 @@ _TURN_S = 0.1
 # Ports of DDS end there (RTPS 2.2, 9.6.1.1).
 _LAST_DOMAIN = 232
 
+_SWITCHES = (
+    'RCUTILS_COLORIZED_OUTPUT',
+    'RCUTILS_LOGGING_USE_STDOUT',
+    'RCUTILS_LOGGING_BUFFERED_STREAM',
+)
+
 AnyNode = TypeVar('AnyNode', bound=Node)
 
 
@@ -113,11 +119,13 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
     Raises
     ------
     ParameterError
-        If ROS_DOMAIN_ID is no domain, discovery is off, or ROS refuses the arguments.
+        If ROS_DOMAIN_ID is no domain, discovery is off, a switch of ROS's log is none, or ROS
+        refuses the arguments or a node.
     """
     stop = StopSignal()
     domain = require_domain()
     require_discovery()
+    require_switches_of_the_log()
     leave_shared_memory_where_needed(domain)
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
@@ -127,6 +135,10 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
         session = RosSession(stop)
         try:
             yield session
+        except RuntimeError as error:
+            if 'error creating node' not in str(error):
+                raise
+            raise _refused(arguments, error) from None
         finally:
             session.close()
     finally:
@@ -159,6 +171,14 @@ def require_discovery() -> None:
         )
 
 
+def require_switches_of_the_log() -> None:
+    """Raise `ParameterError` for a switch that ROS can't read: it would lose every line of log."""
+    for name in _SWITCHES:
+        value = os.environ.get(name, '')
+        if value not in ('', '0', '1'):
+            raise ParameterError(name, value, 'must be 0 or 1')
+
+
 def own_arguments(arguments: Sequence[str]) -> list[str]:
     """Return what of a command line is not ROS's, the program's name first.
 
@@ -187,6 +207,12 @@ def _refused(arguments: Sequence[str], error: RuntimeError) -> ParameterError:
             os.environ.get(name, ''),
             'has no folder for the log that can be written: set HOME, ROS_HOME or ROS_LOG_DIR to '
             f'one ({message})',
+        )
+    if 'Unable to resolve peer' in message:
+        return ParameterError(
+            'ROS_STATIC_PEERS',
+            os.environ.get('ROS_STATIC_PEERS', ''),
+            'has a host that has no IPv4 address here',
         )
     security = os.environ.get('ROS_SECURITY_ENABLE', '')
     if 'initialize rcl' in message and security.lower() == 'true':

@@ -171,7 +171,9 @@ class ParameterSpec:
 
     def _validate_number(self, value: Any, *, whole: bool) -> Any:
         if not _is_finite(value) or value not in self.interval:
-            raise ParameterError(self.name, value, self.rule)
+            # In quotes, since what is written as text looks like the number that it is not.
+            shown = repr(value) if isinstance(value, str) else value
+            raise ParameterError(self.name, shown, self.rule)
         if whole and value != int(value):
             raise ParameterError(self.name, value, self.rule)
         return int(value) if whole else float(value)
