@@ -32,10 +32,10 @@ Keys are those of ROS: `/**`, a node (`plant_sim`, `/left/plant_sim`), wildcards
 `/left/*`), nested namespaces; of two sections that match a node the later one counts, and nodes
 may get different values. Tools refuse a key that matches no node of the loop, and a value that
 none of the nodes gets that read it. Where nodes differ, a run is judged by what plant and camera
-got, and the controller is designed for what the controller got; `simulate` wants all alike. A node
+got, and the controller is designed for what the controller got; `simulate` needs all alike. A node
 that gets nothing from its file warns of it.
 
-Lists are flat, matrices row by row. ROS wants all numbers of a list alike: write `1.0`
+Lists are flat, matrices row by row. ROS needs all numbers of a list alike: write `1.0`
 beside `0.5`, not `1`.
 
 Names that begin with `plant.` are those of a plant node other than `plant_sim`: that node alone

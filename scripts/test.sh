@@ -41,8 +41,8 @@ workers() {
 chosen() {
     python -m pytest "$@" || { status=$?; [ $status = 5 ]; }    # 5: none of this kind was asked for
 }
-# Processes that meet over a middleware are at the mercy of the machine: what fails is tried once
-# more, and the summary says so.
+# Processes that meet over a middleware depend on how busy the machine is: what fails is tried once
+# more, and the summary lists it.
 again=(--reruns 1 -r aR)
 together=(--durations 15 --dist loadgroup --no-loadscope-reorder)
 cores=(src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller src/dvs_simulation)

@@ -117,7 +117,7 @@ def assert_an_ended_loop_is_not_called_live(browser):
     assert number_of(browser, 'value-error') < 0.05
 
 
-def test_the_page_without_a_loop_says_so(browser, domain, processes):
+def test_the_page_without_a_loop_shows_that_it_waits(browser, domain, processes):
     dashboard, url = start_dashboard(domain, processes)
 
     browser.get(url)

@@ -37,7 +37,7 @@ KEYS = {
     'tqdm': 'python3-tqdm',
     'yaml': 'python3-yaml',
 }
-# Known to PyPI alone: a comment in package.xml says so.
+# Known to PyPI alone: a comment in package.xml lists them.
 WITHOUT_KEY = {'aedat', 'distributed', 'evt3', 'mcap', 'mpmath', 'zstandard'}
 # Used where they are installed; nothing fails without them.
 OPTIONAL = {'cv2', 'dvs_msgs', 'event_camera_msgs', 'hdf5plugin'}

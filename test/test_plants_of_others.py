@@ -73,7 +73,7 @@ def test_no_subscriber_gets_a_message_twice(domain, processes):
     assert len(commands) == 1
 
 
-def test_nodes_take_what_a_publisher_of_any_qos_offers_and_say_so(domain, processes):
+def test_nodes_take_what_a_publisher_of_any_qos_offers_with_a_warning(domain, processes):
     for executable in ('event_camera', 'hinf_controller'):
         processes.append(start(executable, domain, ros_arguments()))
     with operating(domain) as plant:

@@ -5,7 +5,7 @@ from loop_support import operating, ros_arguments, start, stop
 from test_health import latest, values
 
 
-def test_a_plant_beyond_its_profile_says_so_and_goes_on(domain, processes, tmp_path):
+def test_a_plant_beyond_its_profile_logs_it_and_goes_on(domain, processes, tmp_path):
     wall = tmp_path / 'wall.csv'
     wall.write_text('0.1,0.1\n0.4,0.4\n')
     arguments = ros_arguments({'brightness_profile': str(wall)})

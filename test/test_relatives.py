@@ -56,7 +56,7 @@ RELATIVES = {
         'test_a_publisher_that_appears_without_latching_is_recorded',
         'test_a_subscription_asks_for_what_every_publisher_offers',
         'test_a_late_subscriber_in_lockstep_gets_the_message_that_waits',
-        'test_nodes_take_what_a_publisher_of_any_qos_offers_and_say_so',
+        'test_nodes_take_what_a_publisher_of_any_qos_offers_with_a_warning',
     ),
     '10-pictures-of-16-bits-and-floats': (
         'test_pictures_of_16_bits_and_floats_keep_their_ratios',
@@ -146,7 +146,7 @@ RELATIVES = {
     ),
     '33-numba-disable-jit': (
         'test_whatever_numba_is_told_the_events_are_the_same',
-        'test_machine_without_numba_falls_back_or_says_so',
+        'test_machine_without_numba_falls_back_or_names_the_package',
         'test_cache_of_compiled_kernels_that_is_broken_costs_one_line_and_no_result',
         'test_a_number_of_threads_that_numba_can_not_start_with_is_left_out',
     ),

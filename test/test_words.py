@@ -21,7 +21,8 @@ REPLACED = re.compile(
     no\ light\ does | while\ (?:someone|nobody)\ listens |   # not physically possible; subscribers
     listens?\ to | worth\ listening |
     speaks? | spoke | believes? | believed |                 # publishes, uses, assumes, takes
-    insists? | unheard | costs\ a\ word | without\ a\ word     # a line of warning
+    insists? | unheard | costs\ a\ word | without\ a\ word |   # a line of warning
+    (?:says?|said)\ so | fights? | fought                      # logs, prints, warns; limits
     )\b"""
 )
 TEXTS = [

@@ -1,4 +1,4 @@
-"""Launch file of the whole loop; it ends, and says so, when any of its nodes ends."""
+"""Launch file of the whole loop; it ends, with a line, when any of its nodes ends."""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown

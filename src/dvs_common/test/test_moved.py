@@ -25,7 +25,7 @@ def test_every_new_name_is_a_module():
         ('dvs_hinf_controller.reduced', 'reduced_plant'),
     ],
 )
-def test_an_old_name_is_the_new_module_and_says_so(old, name):
+def test_an_old_name_is_the_new_module_with_a_warning(old, name):
     program = (
         f'import warnings; warnings.simplefilter("always"); import {old} as old; '
         f'import {MOVED[old]} as new; assert old is new; print(new.__spec__.name)'

@@ -302,7 +302,7 @@ def assert_same(one, other):
         assert np.array_equal(a, b), field
 
 
-def test_machine_without_numba_falls_back_or_says_so(monkeypatch):
+def test_machine_without_numba_falls_back_or_names_the_package(monkeypatch):
     from dvs_event_camera.pixels import compiled
 
     monkeypatch.setattr(compiled, 'kernels', lambda: None)

@@ -227,7 +227,7 @@ def test_labels_and_nanoseconds_are_never_lost(suffix, labelled, tmp_path):
     assert same(read(convert(path, tmp_path / f'out{suffix}')), events)
 
 
-def test_aedat4_has_no_place_for_labels_and_says_so(labelled, tmp_path, capsys):
+def test_aedat4_has_no_place_for_labels_and_refuses_them(labelled, tmp_path, capsys):
     _, path = labelled
 
     assert convert_events.main([str(path), str(tmp_path / 'out.aedat4')]) == 2

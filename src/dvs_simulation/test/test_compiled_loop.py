@@ -92,7 +92,7 @@ def test_compiled_runs_have_the_bytes_of_the_nodes_cores(seed):
     assert compiled
 
 
-def test_long_runs_are_compiled_and_say_so():
+def test_a_long_run_is_compiled_and_reported_as_such():
     plain = scenario('mirror', 9).replace(duration=4.2)
     run = run_sampled(plain)
     assert run.compiled

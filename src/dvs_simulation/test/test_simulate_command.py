@@ -48,7 +48,7 @@ def test_an_exact_run_writes_result_and_figure(tmp_path, capsys):
     assert 'regulated' in capsys.readouterr().out
 
 
-def test_a_run_that_leaves_its_tolerance_says_so(tmp_path, capsys):
+def test_a_run_that_leaves_its_tolerance_is_reported_as_such(tmp_path, capsys):
     code, result = simulate(tmp_path, '--event-threshold', '0.5', '--duration', '10')
     assert code == 1
     assert result['regulated'] is False

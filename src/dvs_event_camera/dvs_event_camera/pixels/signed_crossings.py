@@ -1,7 +1,7 @@
 """Crossings of the signed-log pixel, whose luminosity may change sign (no real sensor).
 
 The reference is ``s |q|`` with a sign s. When the luminosity leaves the silent band on the other
-side, the pixel says so at that instant by two events with one stamp: OFF with the old sign (the
+side, the pixel fires two events at that instant with one stamp: OFF with the old sign (the
 reference steps down through zero), ON with the new sign (and up again on the other side). The
 polarities cancel, so ``|q|`` is unchanged, and every event carries the sign of its reference.
 """
