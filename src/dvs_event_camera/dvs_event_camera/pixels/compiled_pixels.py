@@ -29,7 +29,7 @@ from dvs_event_camera.pixels.photoreceptor import InvertiblePhotoreceptor, Photo
 from dvs_event_camera.pixels.pixel_events import KEY_BITS, PixelEvents
 
 # Pixels worked on at a time, so that what is computed of them stays in the processor's cache.
-_BLOCK = 2**17
+_BLOCK = 2**18
 # Events up to which counting digits takes longer than comparing.
 _FEW = 256
 _UNSIGNED = ('u1', 'u2')
