@@ -38,7 +38,8 @@ BENCHMARKS = (
 )
 # Of all other figures the larger one is the better one.
 SMALLER_IS_BETTER = re.compile(
-    r'^latency_|_(s|ms|us|seconds|ratio|overhead|frame_pass|mb)$|_us_|_(ms|mb)_[a-z_]+$'
+    r'^latency_|(?<!_per_core)_(s|ms|us|seconds|ratio|overhead|frame_pass|mb)$|_us_'
+    r'|_(ms|mb)_[a-z_]+$'
 )
 # Of a figure that was taken once.
 USUAL_SPREAD = 0.1
