@@ -212,7 +212,7 @@ def measure(quick: bool = False) -> dict[str, float]:
     quick
         Shorter.
     """
-    seconds = 2.0 if quick else _SECONDS
+    seconds = 0.5 if quick else _SECONDS
     figures = {**own_compute_us(), 'latency_collection_ms': collection_ms()}
     trips = bare_trips(80, seconds)
     sizes = {'': ()} if quick else {'': (), '_64x64': _many_pixels()}

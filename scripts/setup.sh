@@ -68,7 +68,9 @@ require_writable() {
 
 install_packages() {
     echo "installing Python packages (a minute or two the first time) ..."
-    if ! "$venv/bin/python" -m pip install --disable-pip-version-check -q "$@" >"$log" 2>&1; then
+    # What is imported is compiled then: compiling all of every package takes as long as the rest.
+    if ! "$venv/bin/python" -m pip install --disable-pip-version-check --no-compile -q "$@" \
+        >"$log" 2>&1; then
         grep -E 'ERROR|error|No space' "$log" | tail -n 5 >&2
         fail "pip could not install the packages; is there a network, or a package index? (log: $log)"
     fi

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from documentation import blocks_of
 from loop_support import ROOT, environment
-from scenario_checks import check_scenario
+from scenario_checks import check_whole_run
 
 PAGES = [
     page
@@ -117,7 +117,7 @@ def check_cart_pole(folder, output):
 
 
 def check_mirror_r3(folder, output):
-    check_scenario(folder / 'out', 'mirror_r3')
+    check_whole_run(folder / 'out' / 'mirror_r3', 'mirror_r3')
 
 
 def check_hot_reactor(folder, output):
