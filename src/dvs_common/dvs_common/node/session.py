@@ -7,11 +7,14 @@ deadlock in rclpy 7.1, so a session always gives a timeout; see docs/architectur
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from types import ModuleType
 from typing import TypeVar
 
 import rclpy
@@ -127,6 +130,7 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
     require_discovery()
     require_switches_of_the_log()
     leave_shared_memory_where_needed(domain)
+    _know_modules_by_file()
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -177,6 +181,17 @@ def require_switches_of_the_log() -> None:
         value = os.environ.get(name, '')
         if value not in ('', '0', '1'):
             raise ParameterError(name, value, 'must be 0 or 1')
+
+
+def _know_modules_by_file() -> None:
+    """Tell `inspect` which file each module is from.
+
+    rclpy asks for the module of every place that logs, for which `inspect` would resolve the paths
+    of all modules first: a tenth of the time that a node takes to start.
+    """
+    for name, module in tuple(sys.modules.items()):
+        if isinstance(module, ModuleType) and (file := vars(module).get('__file__')):
+            inspect.modulesbyfile.setdefault(file, name)  # type: ignore[attr-defined]
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:

@@ -79,7 +79,37 @@ def largest_integral(kernel: WeightedVectors) -> Bracket:
     if n == 2:
         return _largest_in_plane(kernel)
     v = steepest_direction(kernel)
-    return Bracket(lower=float(kernel.integral(v[:, None])[0]), upper=_relaxed_maximum(kernel, v))
+    lower = float(kernel.integral(v[:, None])[0])
+    return Bracket(lower=lower, upper=_relaxed_maximum(kernel, _mixed(np.outer(v, v))).bound)
+
+
+def largest_bound(values: FloatArray, weights: FloatArray) -> float:
+    """Upper bound of ``max_v sum weights |v'g|`` of the worst of some kernels that differ little.
+
+    Parameters
+    ----------
+    values
+        g of every kernel, shape (P, N, n).
+    weights
+        Of all of them alike, shape (N,).
+    """
+    n = values.shape[2]
+    # With the length in place of |v'g|; a kernel that can't be the worst is left out.
+    crude = lengths_of(values) @ weights
+    best, density = 0.0, None
+    for k in np.argsort(-crude):
+        if crude[k] <= best:
+            break
+        kernel = WeightedVectors(values=values[k], weights=weights)
+        if n <= 2:
+            best = max(best, largest_integral(kernel).upper)
+            continue
+        if density is None:
+            v = steepest_direction(kernel)
+            density = np.outer(v, v)
+        relaxed = _relaxed_maximum(kernel, _mixed(density))
+        best, density = max(best, relaxed.bound), relaxed.density
+    return best
 
 
 def _largest_in_plane(kernel: WeightedVectors) -> Bracket:
@@ -104,30 +134,52 @@ def _largest_in_plane(kernel: WeightedVectors) -> Bracket:
     return Bracket(lower=best, upper=max(settled, best))
 
 
-def _relaxed_maximum(kernel: WeightedVectors, v: FloatArray) -> float:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Relaxed:
+    bound: float
+    density: FloatArray
+
+
+def _mixed(density: FloatArray) -> FloatArray:
+    """Density matrix near another, with some of every direction."""
+    n = len(density)
+    return np.asarray(0.9 * density + 0.1 * np.eye(n) / n)
+
+
+def _relaxed_maximum(kernel: WeightedVectors, s: FloatArray) -> _Relaxed:
     """Upper bound of ``max_v sum w |v'g|``: by Cauchy and Schwarz.
 
     For any positive a, ``(sum w |v'g|)^2 <= (sum w a) v' (sum w g g' / a) v``. The best a is
     ``sqrt(g'S g)`` with S a density matrix, found by the multiplicative update of optimal
     experiment design.
     """
-    n = v.size
-    used = np.linalg.norm(kernel.values, axis=1) > 0
+    n = len(s)
+    used = np.any(kernel.values != 0, axis=1)
     values, weights = kernel.values[used], kernel.weights[used]
-    s = 0.9 * np.outer(v, v) + 0.1 * np.eye(n) / n
     bound = math.inf
     steps = int(_RELAXATION_WORK / (values.shape[0] * n * n))
     for _ in range(min(max(steps, 4), _RELAXATION_STEPS)):
-        a = np.sqrt(np.sum((values @ s) * values, axis=1))
+        a = np.sqrt(np.einsum('ij,ij->i', values @ s, values))
         moment = (values * (weights / a)[:, None]).T @ values
         found = math.sqrt(float(weights @ a) * np.linalg.eigvalsh(moment)[-1])
         if found > bound * (1 - _RELAXATION_RTOL):
-            return min(found, bound)
+            return _Relaxed(bound=min(found, bound), density=s)
         bound = found
         root = scipy.linalg.sqrtm(s).real
         s = root @ moment @ root
         s = s / np.trace(s) + 1e-12 * np.eye(n)
-    return bound
+    return _Relaxed(bound=bound, density=s)
+
+
+def lengths_of(vectors: FloatArray) -> FloatArray:
+    """Euclidean lengths along the last axis; `numpy.linalg.norm` is slow where that is short.
+
+    Parameters
+    ----------
+    vectors
+        Shape (..., n).
+    """
+    return np.asarray(np.sqrt(np.einsum('...j,...j->...', vectors, vectors)))
 
 
 def steepest_direction(kernel: WeightedVectors) -> FloatArray:
@@ -152,8 +204,8 @@ def steep_directions(kernel: WeightedVectors) -> FloatArray:
         Vectors and weights.
     """
     weighted = kernel.weights[:, None] * kernel.values
-    order = np.argsort(-np.linalg.norm(weighted, axis=1))[:_ASCENT_STARTS]
-    starts = np.vstack([np.eye(kernel.values.shape[1]), weighted[order]])
+    longest = np.argsort(-lengths_of(weighted), kind='stable')[:_ASCENT_STARTS]
+    starts = np.vstack([np.eye(kernel.values.shape[1]), weighted[longest]])
     lengths = np.linalg.norm(starts, axis=1)
     v = (starts[lengths > 0] / lengths[lengths > 0, None]).T
     most = max(int(_ASCENT_WORK / (weighted.size * v.shape[1])), 4)

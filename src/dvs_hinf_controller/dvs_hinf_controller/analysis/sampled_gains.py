@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.analysis.directions import WeightedVectors, largest_integral
+from dvs_hinf_controller.analysis.directions import largest_bound, lengths_of
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, SampledFlow
@@ -163,7 +163,7 @@ class SampledGains:
         if kernel is None:
             infinite = np.full(self._outputs.shape[1], math.inf)
             return self._assembled(infinite, math.inf)
-        norms = np.linalg.norm(kernel.values[:, :, :n], axis=2)
+        norms = lengths_of(kernel.values[:, :, :n])
         return self._assembled(np.abs(kernel.values).max(axis=(0, 1)), float(norms.max()))
 
     def _chord_error(self, nodes: FloatArray, states: FloatArray) -> FloatArray:
@@ -188,7 +188,8 @@ class SampledGains:
         if kernel is None:
             return self._assembled(np.full(self._outputs.shape[1], math.inf), math.inf)
         sums = np.einsum('i,pij->pj', kernel.weights, np.abs(kernel.values)).max(axis=0)
-        error = self._largest(kernel) + kernel.state_quadrature + kernel.state_tail
+        worst = largest_bound(kernel.values[:, :, : self._states], kernel.weights)
+        error = worst + kernel.state_quadrature + kernel.state_tail
         return self._assembled(
             sums + kernel.slop + slop[1:] + direct.rows, error + float(slop[0]) + direct.norm
         )
@@ -219,18 +220,6 @@ class SampledGains:
             commands=commands[:m],
             changes=commands[m : 2 * m],
         )
-
-    def _largest(self, kernel: Kernel) -> float:
-        """Largest N_G of all phases; a phase whose crude bound is smaller is left out."""
-        n = self._states
-        crude = np.linalg.norm(kernel.values[:, :, :n], axis=2) @ kernel.weights
-        best = 0.0
-        for phase in np.argsort(-crude):
-            if crude[phase] <= best:
-                break
-            vectors = WeightedVectors(values=kernel.values[phase, :, :n], weights=kernel.weights)
-            best = max(best, largest_integral(vectors).upper)
-        return best
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
