@@ -35,7 +35,6 @@ _LONGEST = (
     'test_every_command_of_a_section_works',
     'test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut',
     'test_all_six_start_orders_give_the_same_bytes',
-    'test_two_runs_and_a_composed_run_give_the_same_bytes',
     'test_a_lockstep_loop_regulates_again_whichever_nodes_were_killed',
     'test_two_loops_run_side_by_side_as_if_alone',
     'test_a_script_runs_small_and_leaves_its_files',

@@ -87,6 +87,19 @@ build() {
         --log-base log build --symlink-install
 }
 
+# Programs as setuptools writes them search the metadata of all packages at every start.
+write_programs() {
+    local program package interpreter
+    for program in "$root"/install/*/lib/dvs_*/*; do
+        grep -q load_entry_point "$program" || continue
+        package=$(basename "$(dirname "$program")")
+        read -r interpreter <"$program"
+        printf '%s\n' "$interpreter" 'import sys' '' \
+            "from $package.programs import $(basename "$program") as main" '' 'sys.exit(main())' \
+            >"$program"
+    done
+}
+
 # colcon and setuptools write the interpreter's path as it is, which ends at its first space.
 quote_interpreter() {
     find "$root/install" -maxdepth 1 -name 'local_setup.*' -exec \
@@ -140,6 +153,7 @@ if ! is_current "$root/install/.dvs" "$wanted"; then
         tail -n 20 "$log" >&2
         fail "colcon build failed (log: $log)"
     fi
+    write_programs
     quote_interpreter
     echo "$wanted" >"$root/install/.dvs"
 fi

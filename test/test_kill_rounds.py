@@ -20,7 +20,7 @@ NODES = ('event_camera', 'hinf_controller', 'plant_sim')
 PARAMETERS = {'duration': 0.0, 'event_threshold': 0.1}
 FILES = {'lockstep': 'mirror_r3.yaml', 'realtime': 'mirror_r3_realtime.yaml'}
 # Samples after which a loop that was disturbed must be inside its tolerance again.
-SETTLED = {'lockstep': 1500, 'realtime': 750}
+SETTLED = {'lockstep': 800, 'realtime': 750}
 WINDOW = 200
 ERROR = b'\x02'
 ROUNDING = 1e-9

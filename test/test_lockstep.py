@@ -1,4 +1,8 @@
-"""Lockstep: start order does not matter, and the streams are the same to the byte."""
+"""Lockstep: start order does not matter, and the streams are the same to the byte.
+
+Those of three processes are the recorded ones in test_scenarios.py, those of a composed loop the
+sampled ones in test_sampled_bytes.py.
+"""
 
 import itertools
 import time
@@ -6,27 +10,15 @@ import time
 from loop_support import (
     listening,
     ros_arguments,
-    run_closed_loop,
     start,
     stop,
     stop_all,
 )
-from rosbags.rosbag2 import Reader
 
 from dvs_common.wire import topics
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
 STREAMS = (topics.EVENTS, topics.COMMAND)
-
-
-def streams_of_bag(path):
-    streams = {topic: [] for topic in STREAMS}
-    with Reader(path) as reader:
-        for connection, _, message in reader.messages():
-            topic = connection.topic.removeprefix('/')
-            if topic in streams:
-                streams[topic].append(bytes(message))
-    return streams
 
 
 def streams_started_in(order, domain, processes, samples):
@@ -56,20 +48,6 @@ def test_all_six_start_orders_give_the_same_bytes(new_domain, processes):
     assert len(set(first[topics.COMMAND])) > 60
     for order, streams in results.items():
         assert streams == first, order
-
-
-def test_two_runs_and_a_composed_run_give_the_same_bytes(new_domain, tmp_path):
-    for name, options in (('one', ()), ('two', ()), ('composed', ('--composed',))):
-        run = run_closed_loop(
-            'mirror_r9', new_domain(), tmp_path / name, '--duration', '1.5', *options
-        )
-        assert run.returncode == 0, run.stdout + run.stderr
-        assert 'Warning' not in run.stdout + run.stderr
-
-    bags = [streams_of_bag(tmp_path / n / 'mirror_r9' / 'bag') for n in ('one', 'two', 'composed')]
-    assert [len(bags[0][topic]) for topic in STREAMS] == [1501, 1501]
-    assert bags[0] == bags[1]
-    assert bags[0] == bags[2]
 
 
 def test_a_restarted_plant_takes_no_latched_command_of_its_former_life(domain, processes):

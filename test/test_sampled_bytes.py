@@ -27,6 +27,7 @@ def test_sampled_mode_gives_the_bytes_of_the_nodes(name, domain, tmp_path):
     run = run_closed_loop(name, domain, tmp_path, '--duration', '0.5', '--composed')
     recorded = streams_of_bag(tmp_path / name / 'bag')
     assert len(recorded[topics.COMMAND]) == 501, run.stdout + run.stderr
+    assert 'Warning' not in run.stdout + run.stderr
 
     sampled = run_sampled(load_scenario(CONFIG / f'{name}.yaml').replace(duration=0.5))
 

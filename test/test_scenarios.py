@@ -77,6 +77,7 @@ def test_scenario_regulates(name, domain, tmp_path):
     if name != OF_THE_README:
         run = run_closed_loop(name, domain, tmp_path, '--duration', '1')
         assert run.returncode == 0, run.stdout + run.stderr
+        assert 'Warning' not in run.stdout + run.stderr
         of_nodes = check_results(tmp_path / name, name)
         samples = round(1 / scenario.loop.sampling_period) + 1
         assert of_nodes == {topic: whole.messages[topic][:samples] for topic in STREAMS}

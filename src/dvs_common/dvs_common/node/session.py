@@ -191,7 +191,7 @@ def _know_modules_by_file() -> None:
     """
     for name, module in tuple(sys.modules.items()):
         if isinstance(module, ModuleType) and (file := vars(module).get('__file__')):
-            inspect.modulesbyfile.setdefault(file, name)  # type: ignore[attr-defined]
+            inspect.modulesbyfile.setdefault(file, name)
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
