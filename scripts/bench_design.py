@@ -9,24 +9,21 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-root = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_controller')]
+import checkout  # noqa: F401
+import numpy as np
+from bench_rounds import figure
 
-import numpy as np  # noqa: E402
-from bench_rounds import figure  # noqa: E402
-
-from dvs_common.scenario.model import PixelScene, PlantModel  # noqa: E402
-from dvs_common.scenario.reference_bounds import ReferenceBounds  # noqa: E402
-from dvs_hinf_controller.analysis.mu import mu_bounds  # noqa: E402
-from dvs_hinf_controller.design.design import design_controller  # noqa: E402
-from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
-from dvs_hinf_controller.state_space import StateSpace, state_response  # noqa: E402
-from dvs_hinf_controller.synthesis.methods import METHODS  # noqa: E402
-from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant  # noqa: E402
-from dvs_hinf_controller.synthesis.options import DesignOptions  # noqa: E402
+from dvs_common.scenario.model import PixelScene, PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.analysis.mu import mu_bounds
+from dvs_hinf_controller.design.design import design_controller
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.state_space import StateSpace, state_response
+from dvs_hinf_controller.synthesis.methods import METHODS
+from dvs_hinf_controller.synthesis.one_pixel_plant import reduced_plant
+from dvs_hinf_controller.synthesis.options import DesignOptions
 
 REPEATS = 7
 # dkpy does not limit the bandwidth of what it returns: compare mu at a small slack.

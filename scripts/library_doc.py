@@ -8,21 +8,13 @@ import re
 import sys
 from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
+from checkout import PACKAGES, ROOT
+
 PAGE = ROOT / 'docs' / 'library.md'
-PACKAGES = (
-    'dvs_common',
-    'dvs_plant_sim',
-    'dvs_event_camera',
-    'dvs_hinf_controller',
-    'dvs_simulation',
-)
 MEMBERS = (FunctionType, classmethod, staticmethod, property)
-sys.path[:0] = [str(ROOT / 'src' / package) for package in PACKAGES]
 
 HEAD = """# The library
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 
 import inspect
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from checkout import ROOT
+
+from dvs_common.scenario.fields import ParameterGroup, specs_of
+from dvs_common.scenario.parameters import CAMERA, GROUPS, SCHEMA
+from dvs_common.scenario.schema import ParameterSpec, Value
+
 PAGE = ROOT / 'docs' / 'parameters.md'
 CAMERA_PAGE = ROOT / 'docs' / 'event_camera.md'
-sys.path.insert(0, str(ROOT / 'src' / 'dvs_common'))
-
-from dvs_common.scenario.fields import ParameterGroup, specs_of  # noqa: E402
-from dvs_common.scenario.parameters import CAMERA, GROUPS, SCHEMA  # noqa: E402
-from dvs_common.scenario.schema import ParameterSpec, Value  # noqa: E402
 
 HEAD = """# Parameters
 

@@ -4,32 +4,20 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from checkout import ROOT
 from PIL import Image
 
-root = Path(__file__).resolve().parent.parent
-sys.path[:0] = [
-    str(root / 'src' / name)
-    for name in (
-        'dvs_common',
-        'dvs_plant_sim',
-        'dvs_event_camera',
-        'dvs_hinf_controller',
-        'dvs_simulation',
-    )
-]
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_simulation import plotting
+from dvs_simulation.judging.trace import Trace, decode_trace
+from dvs_simulation.sampled.sampled_loop import run_sampled
 
-from dvs_common.arrays import FloatArray  # noqa: E402
-from dvs_common.scenario.scenario import Scenario, load_scenario  # noqa: E402
-from dvs_simulation import plotting  # noqa: E402
-from dvs_simulation.judging.trace import Trace, decode_trace  # noqa: E402
-from dvs_simulation.sampled.sampled_loop import run_sampled  # noqa: E402
-
-SCENARIO = root / 'config' / 'printed_wall.yaml'
+SCENARIO = ROOT / 'config' / 'printed_wall.yaml'
 _COLUMNS, _ROWS = 512, 32
 _GAMMA, _GRAIN, _SEED = 0.8, 3.0, 0
 
@@ -86,7 +74,7 @@ def _draw_error(axes: Any, scenario: Scenario, trace: Trace) -> None:
 def main() -> None:
     """Print the wall again and draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = root / 'docs' / 'figures'
+    default = ROOT / 'docs' / 'figures'
     parser.add_argument('--output', type=Path, default=default, help='folder of the figure')
     parser.add_argument('--wall', type=Path, help='print the wall into this file first')
     options = parser.parse_args()

@@ -9,18 +9,14 @@ estimator that counts and takes the sensor for ideal.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-root = Path(__file__).resolve().parent.parent
-packages = ('common', 'plant_sim', 'event_camera', 'hinf_controller', 'simulation')
-sys.path[:0] = [str(root / 'src' / f'dvs_{name}') for name in packages]
+import numpy as np
+from checkout import ROOT
+from matplotlib.figure import Figure
 
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-from dvs_common.scenario.scenario import Scenario, load_scenario  # noqa: E402
-from dvs_simulation.sampled.real_sensor import LossyRun, worst_error  # noqa: E402
+from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_simulation.sampled.real_sensor import LossyRun, worst_error
 
 THRESHOLDS = np.arange(0.02, 0.261, 0.02)
 SETTLED_S = {'nine pixels': 5.0, 'one pixel': 5.0, 'integrator': 15.0}
@@ -57,13 +53,13 @@ def errors(scenario: Scenario, run: LossyRun, thresholds: list[float]) -> list[f
 def main() -> None:
     """Run all combinations, print the table and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = root / 'docs' / 'figures' / 'real_sensor.png'
+    default = ROOT / 'docs' / 'figures' / 'real_sensor.png'
     parser.add_argument('--output', type=Path, default=default, help='image file')
     parser.add_argument('--duration', type=float, default=60.0, help='simulated seconds of a run')
     parser.add_argument('--quick', action='store_true', help='one threshold, to see it work')
     options = parser.parse_args()
     thresholds = THRESHOLDS[:1] if options.quick else THRESHOLDS
-    scenario = load_scenario(root / 'config' / 'real_sensor.yaml')
+    scenario = load_scenario(ROOT / 'config' / 'real_sensor.yaml')
     figure = Figure(figsize=(10, 3.4), layout='constrained')
     panels = figure.subplots(1, len(PLANTS), sharey=True)
     print(f'| | {" | ".join(ESTIMATORS)} |\n|---{"|---" * len(ESTIMATORS)}|')

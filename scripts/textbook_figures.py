@@ -4,29 +4,18 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
-root = Path(__file__).resolve().parent.parent
-sys.path[:0] = [
-    str(root / 'src' / name)
-    for name in (
-        'dvs_common',
-        'dvs_plant_sim',
-        'dvs_event_camera',
-        'dvs_hinf_controller',
-        'dvs_simulation',
-    )
-]
+from checkout import ROOT
 
-from dvs_common.scenario.scenario import load_scenario  # noqa: E402
-from dvs_simulation.judging.figure import save_figure  # noqa: E402
-from dvs_simulation.judging.trace import decode_trace  # noqa: E402
-from dvs_simulation.judging.verdict import Promised, judge  # noqa: E402
-from dvs_simulation.sampled.sampled_loop import run_sampled  # noqa: E402
+from dvs_common.scenario.scenario import load_scenario
+from dvs_simulation.judging.figure import save_figure
+from dvs_simulation.judging.trace import decode_trace
+from dvs_simulation.judging.verdict import Promised, judge
+from dvs_simulation.sampled.sampled_loop import run_sampled
 
-PLANTS = sorted((root / 'config' / 'textbook').glob('*.yaml'))
+PLANTS = sorted((ROOT / 'config' / 'textbook').glob('*.yaml'))
 
 
 def draw(file: Path, output: Path) -> None:
@@ -50,7 +39,7 @@ def draw(file: Path, output: Path) -> None:
 def main() -> None:
     """Draw all of them, or the first."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = root / 'docs' / 'figures'
+    default = ROOT / 'docs' / 'figures'
     parser.add_argument('--output', type=Path, default=default, help='folder of the figures')
     parser.add_argument('--quick', action='store_true', help='one plant, to see it work')
     options = parser.parse_args()

@@ -4,20 +4,17 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-root = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(root / 'src' / name) for name in ('dvs_common', 'dvs_hinf_controller')]
+import numpy as np
+from checkout import ROOT
+from matplotlib.figure import Figure
 
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-from dvs_common.arrays import FloatArray  # noqa: E402
-from dvs_common.scenario.scenario import load_scenario  # noqa: E402
-from dvs_hinf_controller.design.design import DesignFigures, design_controller  # noqa: E402
-from dvs_hinf_controller.problem import DesignProblem  # noqa: E402
-from dvs_hinf_controller.synthesis.options import DesignOptions  # noqa: E402
+from dvs_common.arrays import FloatArray
+from dvs_common.scenario.scenario import load_scenario
+from dvs_hinf_controller.design.design import DesignFigures, design_controller
+from dvs_hinf_controller.problem import DesignProblem
+from dvs_hinf_controller.synthesis.options import DesignOptions
 
 LIMITS = np.geomspace(20, 500, 10)
 COLOURS = {'unstructured': '#0072B2', 'structured': '#D55E00', 'certified': '#009E73'}
@@ -36,12 +33,12 @@ def sweep(problem: DesignProblem, method: str, limits: FloatArray) -> list[Desig
 def main() -> None:
     """Sweep the scenario mirror_r1 and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = root / 'docs' / 'figures' / 'bandwidth_trade.png'
+    default = ROOT / 'docs' / 'figures' / 'bandwidth_trade.png'
     parser.add_argument('--output', type=Path, default=default, help='image file')
     parser.add_argument('--quick', action='store_true', help='a few limits, to see it work')
     options = parser.parse_args()
     limits = LIMITS[:: len(LIMITS) - 1] if options.quick else LIMITS
-    problem = DesignProblem.from_scenario(load_scenario(root / 'config' / 'mirror_r1.yaml'))
+    problem = DesignProblem.from_scenario(load_scenario(ROOT / 'config' / 'mirror_r1.yaml'))
     figure = Figure(figsize=(8, 7), layout='constrained')
     thresholds, periods = figure.subplots(2, 1, sharex=True)
     for method, colour in COLOURS.items():

@@ -229,14 +229,14 @@ def test_a_controller_that_starts_late_is_resynchronised(domain, processes):
 def sector_ratio(operator, luminosities, estimates):
     """Worst |z - y| / (delta_z |y|) of the samples to come."""
     operator.forget(luminosities, estimates)
-    assert operator.spin_until(lambda: len(luminosities) > 400 and len(estimates) > 400)
+    assert operator.spin_until(lambda: len(luminosities) > 200 and len(estimates) > 200)
     bound = sector(
         SCENARIO.model_reference_bounds, event_threshold=0.15, log_base=SCENARIO['log_base']
     ).error_bound
     y = {stamp_of(image): np.frombuffer(image.data) for image in luminosities}
     z = {stamp_of(estimate): np.array(estimate.position) for estimate in estimates}
     both = y.keys() & z.keys()
-    assert len(both) > 350
+    assert len(both) > 150
     return max(np.max(np.abs(z[stamp] / y[stamp] - 1) / bound) for stamp in both)
 
 
@@ -262,7 +262,7 @@ def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
         luminosities = operator.collect(Image, 'luminosity', 1000)
         estimates = operator.collect(JointState, 'estimate', 1000)
         # Near the set-point, far from what the parameters say of the first references.
-        assert operator.spin_until(lambda: is_exact(messages) and len(luminosities) > 800)
+        assert operator.spin_until(lambda: is_exact(messages) and len(luminosities) > 500)
         for executable in order:
             if executable != 'deactivate':
                 started[executable].kill()

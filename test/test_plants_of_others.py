@@ -102,7 +102,7 @@ def test_the_example_of_a_listener_tells_what_its_depth_has_cost(domain, process
         subprocess.Popen(
             [
                 *(sys.executable, ROOT / 'examples' / 'listener.py'),
-                *('--depth', str(depth), '--away', '1', '--seconds', '6'),
+                *('--depth', str(depth), '--away', '1', '--seconds', '4'),
             ],
             env=environment(domain),
             stdout=subprocess.PIPE,

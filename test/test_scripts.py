@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS = ROOT / 'scripts'
 # Run by tests of their own, or with a browser only.
 ELSEWHERE = {
+    'checkout.py': 'what the others import to find the packages',
     'compile_kernels.py': 'setup.sh runs it, in every checkout that is tested',
     'dashboard_screenshot.py': 'needs chromium; the page itself is tested by test_dashboard',
     'library_doc.py': 'test_library',
