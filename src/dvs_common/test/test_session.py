@@ -90,3 +90,27 @@ def test_a_session_ends_ros_even_after_an_error():
         raise ZeroDivisionError
     with ros_session() as session:
         assert not session.ended
+
+
+FIRST_LOG = """
+import os
+from rclpy.node import Node
+from dvs_common.node.session import ros_session
+
+asked = []
+resolve = os.path.realpath
+with ros_session() as session:
+    node = session.add(Node('talker'))
+    os.path.realpath = lambda path, **options: asked.append(path) or resolve(path, **options)
+    node.get_logger().info('text')
+print(len(asked))
+"""
+
+
+def test_the_first_log_of_a_node_does_not_look_at_every_module(tmp_path):
+    talker = tmp_path / 'talker.py'
+    talker.write_text(FIRST_LOG)
+    found = subprocess.run([sys.executable, talker], capture_output=True, text=True, timeout=60)
+
+    assert found.returncode == 0, found.stderr
+    assert int(found.stdout) < 30
