@@ -273,7 +273,7 @@ TYPED = (
 )
 NAMED = (
     Rule(
-        'ros2 (run|launch|topic|lifecycle|security|param( [gs]et)?|bag( (record|play|convert))?)',
+        'ros2 (run|launch|topic( echo)?|lifecycle|security|param( [gs]et)?|bag( (record|play|convert))?)',
         nothing,
         'no whole command',
     ),
@@ -284,7 +284,7 @@ NAMED = (
     Rule('ros2 topic echo .*', is_topic, 'ros2 comes with ROS from apt only'),
     Rule(RUN + '.*', is_executable, 'part of a command'),
     Rule(
-        r'scripts/\w+\.(sh|py)( loop| scale| events| --fast| --long| --quick)?',
+        r'scripts/\w+\.(sh|py)( loop| hop| scale| events| --fast| --long| --quick)?',
         is_script,
         'makes figures, or is in a block too',
     ),
