@@ -20,6 +20,7 @@ import bench_codecs
 from dvs_common.wire.events import EVENT_DTYPE, EventPacket
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.pixel_array import PixelArray
+from dvs_event_camera.rehearsal import rehearse
 from dvs_event_camera.streams.event_records import records_of
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.running.make_controller import event_controller
@@ -29,6 +30,11 @@ from dvs_simulation.sampled.sampled_loop import run_sampled
 from dvs_simulation.sweep.promise import run_promise_task
 
 _PIXELS, _FRAMES = 4096, 3
+_MANY_PIXELS = {
+    'pixel_offsets': (),
+    'pixel_grid': (64, 64),
+    'pixel_pitch': (0.0003, 0.0, 0.0, 0.0003),
+}
 
 
 def _frames(dtype: str) -> list[np.ndarray]:
@@ -53,6 +59,8 @@ def compile_camera() -> None:
             for number, frame in enumerate(_frames(dtype)):
                 events = pixels.update((number + 1) * 1_000_000, frame)
             records_of(events, width=64, stamp_ns=3_000_000, first_index=0, backend='numba')
+    # The frames that nodes take are read-only.
+    rehearse(scenario('mirror', 9).replace(**_MANY_PIXELS))
 
 
 def compile_controller() -> None:
