@@ -273,7 +273,8 @@ TYPED = (
 )
 NAMED = (
     Rule(
-        'ros2 (run|launch|topic( echo)?|lifecycle|security|param( [gs]et)?|bag( (record|play|convert))?)',
+        'ros2 (run|launch|topic( echo)?|lifecycle|security|param( [gs]et)?'
+        '|bag( (record|play|convert))?)',
         nothing,
         'no whole command',
     ),
