@@ -11,6 +11,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.brightness_profile import Linearisation
 from dvs_common.scenario.model import PlantModel
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +38,8 @@ class Operation:
         Largest relative error of every entry of A and B.
     linearisation
         How far the luminosity is from the straight line that the problem has in its place.
+    sensor
+        How far the sensor may be from an ideal one.
     interpolates
         Whether the sensor sees samples and interpolates the logarithm between them, as the
         simulated camera does; a real one sees luminosity at all times.
@@ -56,6 +59,7 @@ class Operation:
     further_plants: tuple[PlantModel, ...] = ()
     model_uncertainty: float = 0.0
     linearisation: Linearisation = field(default_factory=Linearisation)
+    sensor: SensorUncertainty = field(default_factory=SensorUncertainty)
     interpolates: bool = True
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.pixel_sums import PixelSums, pixel_sums
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +140,7 @@ class DesignProblem:
                 further_plants=tuple(plants[1:]),
                 model_uncertainty=scenario.promise.model_uncertainty,
                 linearisation=line,
+                sensor=SensorUncertainty.of_scenario(scenario),
             ),
             initial_state=scenario.initial_state,
         )
@@ -186,7 +188,19 @@ class DesignProblem:
     @property
     def continuous(self) -> DesignProblem:
         """The same problem for the continuous loop of the paper, nothing else acting on it."""
-        return replace(self, operation=None)
+        return self.operated(None)
+
+    def operated(self, operation: Operation | None) -> DesignProblem:
+        """The same problem for another operation, with the sums over its pixels.
+
+        Parameters
+        ----------
+        operation
+            How the loop runs and what acts on it; None for the continuous loop.
+        """
+        other = replace(self, operation=operation)
+        object.__setattr__(other, '_pixels', self.pixels)
+        return other
 
     def in_error_norm(self, states: FloatArray) -> FloatArray:
         """``W x``, whose norm is the error.

@@ -12,7 +12,7 @@ from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.event_controller import EventController
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 MS = 1_000_000
 SECOND = 1000 * MS

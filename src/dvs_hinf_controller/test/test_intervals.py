@@ -15,7 +15,7 @@ from dvs_hinf_controller.running.interval_arithmetic import Told
 from dvs_hinf_controller.running.intervals import ReferenceIntervals
 from dvs_hinf_controller.running.packet_history import Counted, PacketHistory
 from dvs_hinf_controller.running.pixel_health import PixelHealth
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 H = 0.1
 PIXELS = 3

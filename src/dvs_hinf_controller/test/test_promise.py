@@ -13,17 +13,20 @@ from hypothesis import strategies as st
 
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario, load_scenario
-from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
-from dvs_hinf_controller.analysis.promise import (
-    Promise,
+from dvs_hinf_controller.analysis.largest_threshold import (
+    held_at,
     largest_threshold,
     largest_uncertainty,
-    sectors_at,
 )
+from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
+from dvs_hinf_controller.analysis.promise import Promise
 from dvs_hinf_controller.analysis.sampled_gains import SampledGains
 from dvs_hinf_controller.analysis.thresholds import certified_uncertainty, event_threshold
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.design.certification import farthest_start, held_from
+from dvs_hinf_controller.design.design import as_json_object
+from dvs_hinf_controller.design.design_report import report_text
+from dvs_hinf_controller.design.start_up import design_warnings
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
@@ -113,6 +116,82 @@ def test_the_report_adds_the_parts_up(mirror) -> None:
     assert thresholds[-1] == figures.h_certified
 
 
+SENSOR = {'threshold_uncertainty': [0.02, 0.03], 'leak_uncertainty': 0.05}
+ANCHORS = {'anchor_period': 0.033, 'anchor_uncertainty': 0.01}
+
+
+def test_a_sensor_in_error_costs_threshold_by_parts(mirror) -> None:
+    figures = design_from_scenario(
+        mirror.replace(**SENSOR, **ANCHORS, latency_uncertainty=1e-3)
+    ).figures
+    thresholds = [cost.threshold for cost in figures.costs]
+
+    assert [cost.part for cost in figures.costs[3:]] == [
+        'events late by up to 1 ms',
+        'anchors within 1 % every 33 ms',
+        'threshold uncertainty 2 % ON, 3 % OFF',
+        'leak up to 0.05/s',
+    ]
+    assert thresholds == sorted(thresholds, reverse=True)
+    assert 0.02 < thresholds[-1] == figures.h_certified < thresholds[-3]
+
+
+@pytest.mark.parametrize('name', ['threshold_uncertainty', 'leak_uncertainty'])
+def test_a_drift_that_nothing_ends_is_not_covered_and_named(mirror, name) -> None:
+    design = design_from_scenario(mirror.replace(**{name: SENSOR[name]}))
+    texts = (
+        report_text([design], event_threshold=0.1),
+        ' '.join(design_warnings(design, event_threshold=0.1, sampling_period=1e-3)),
+        str(as_json_object(design)['costs']),
+    )
+
+    assert design.figures.h_certified == -math.inf
+    assert as_json_object(design)['h_certified'] == 0
+    assert design.figures.delta_certified > 0.1
+    assert all('not covered' in text.lower() for text in texts)
+
+
+@pytest.mark.parametrize(
+    'harder',
+    [
+        {'anchor_period': 0.05},
+        {'anchor_uncertainty': 0.03},
+        {'threshold_uncertainty': [0.03]},
+        {'leak_uncertainty': 1.0},
+        {'latency_uncertainty': 1e-3},
+    ],
+)
+def test_what_is_worse_of_a_sensor_costs_more(designs, mirror, harder) -> None:
+    controller, found = designs['unstructured'].controller, []
+    for values in ({}, harder):
+        problem = DesignProblem.from_scenario(mirror.replace(**{**SENSOR, **ANCHORS, **values}))
+        held = Promise(problem, controller, problem.operation).held
+        found.append(largest_threshold(problem, held))
+
+    assert 0 < found[1] < found[0]
+
+
+def test_anchors_take_the_place_of_references_that_are_known_poorly(designs, mirror) -> None:
+    controller = designs['unstructured'].controller
+
+    def certified(**values: float) -> float:
+        problem = DesignProblem.from_scenario(mirror.replace(**values))
+        return largest_threshold(problem, Promise(problem, controller, problem.operation).held)
+
+    poorly, anchored = (
+        certified(reference_uncertainty=0.06),
+        certified(reference_uncertainty=0.06, **ANCHORS),
+    )
+
+    assert anchored > poorly
+    # One threshold for the event and one for the anchor at an unlucky instant.
+    delta = designs['unstructured'].figures.delta_certified
+    assert anchored == pytest.approx((math.atanh(delta) - math.atanh(0.01)) / 2, rel=1e-3)
+    assert certified(reference_uncertainty=1e-3, **ANCHORS) == certified(
+        reference_uncertainty=1e-3
+    )
+
+
 def test_each_pixel_counts_with_what_is_known_of_it(mirror) -> None:
     """One pixel of nine that is known poorly costs a ninth of what it would cost alone."""
     nine = mirror.replace(pixel_offsets=[0.0, 0.0] * 9, pixel_grid=[1, 9])
@@ -128,7 +207,7 @@ def test_each_pixel_counts_with_what_is_known_of_it(mirror) -> None:
     worst = event_threshold(problem, largest_uncertainty(problem, held))
 
     assert worst < 0 < mean
-    assert held(sectors_at(problem, mean)).error == pytest.approx(problem.tolerance, rel=1e-6)
+    assert held_at(problem, held, mean).error == pytest.approx(problem.tolerance, rel=1e-6)
 
 
 def test_light_stays_on_or_there_is_no_promise(mirror) -> None:

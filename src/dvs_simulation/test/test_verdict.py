@@ -221,6 +221,19 @@ def test_the_sector_of_a_sensor_in_error_is_that_of_its_worst_report():
     assert not certified_run(scenario=leaky, ratios=1.1).sector_held
 
 
+@pytest.mark.parametrize(
+    ('reported', 'stood'),
+    [((), False), ((budget(),), True), ((budget(), budget(ignorance=0.2)), False)],
+)
+def test_of_a_sensor_in_error_what_was_known_all_along_may_stand_for_h_certified(reported, stood):
+    leaky = SCENARIO.replace(leak_uncertainty=0.1)
+    promised = dataclasses.replace(PROMISED, h_certified=-math.inf)
+    trace = run([0.0, 0.0])
+
+    assert judged(trace, leaky, promised=promised, reported=reported).certified == stood
+    assert not judged(trace, promised=promised, reported=reported).certified
+
+
 def test_a_masked_pixel_is_not_judged():
     masked = SCENARIO.replace(pixel_mask=(1,))
     ratios = [[0.0, 5.0, 0.0], [0.0, 0.0, 0.0]]

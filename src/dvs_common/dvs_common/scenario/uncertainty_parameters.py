@@ -30,7 +30,8 @@ class UncertaintyParameters(ParameterGroup):
     )
     latency_uncertainty: float = parameter(
         0.0,
-        'Longest time from what causes an event to its stamp; it widens what anchors tell',
+        'Longest time from what causes an event to its stamp; it widens what anchors tell, and '
+        'the estimate is late by it',
         nodes=(CONTROLLER,),
         unit='s',
         interval=Interval(low=0, high=1.0),
@@ -40,6 +41,15 @@ class UncertaintyParameters(ParameterGroup):
         'Largest relative error of the luminosities on anchor',
         nodes=(CONTROLLER,),
         interval=_RELATIVE,
+    )
+    anchor_period: float = parameter(
+        0.0,
+        'Longest time from an absolute measurement of luminosity to the arrival of the next one, '
+        'for which h_certified holds with threshold_uncertainty and leak_uncertainty; 0: no such '
+        'measurements, and nothing is promised with either',
+        nodes=(CONTROLLER,),
+        unit='s',
+        interval=Interval(low=0, high=1e6),
     )
     pixel_mask: tuple[int, ...] = parameter(
         (),

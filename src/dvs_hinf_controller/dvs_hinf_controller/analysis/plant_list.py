@@ -56,6 +56,7 @@ def held_with_all(
             error=max(one.error for one in found),
             output=max(one.output for one in found),
             commands=np.max([one.commands for one in found], axis=0),
+            log_rate=max(one.log_rate for one in found),
         )
 
     return worst

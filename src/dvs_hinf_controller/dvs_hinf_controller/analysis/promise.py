@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.analysis.largest_level import largest_level
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
 from dvs_hinf_controller.analysis.peak_gain import ChannelGains
 from dvs_hinf_controller.analysis.sampled_gains import Gains, SampledGains
@@ -21,6 +19,8 @@ from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sector_means import Sectors
 
 _ROUNDS = 30
+# Derivatives between two phases of a period, relative to those at them.
+_BETWEEN_PHASES = 1.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,11 +35,30 @@ class Held:
         Bound of ``|c'(x - x_d)|``, the largest of all pixel groups.
     commands
         Bound of every ``|u_o|``, feed-forward included, shape (m,).
+    log_rate
+        Bound of ``|d ln y_i / dt|`` of every pixel, 1/s.
     """
 
     error: float
     output: float
     commands: FloatArray
+    log_rate: float
+
+    @classmethod
+    def nothing(cls, problem: DesignProblem) -> Held:
+        """No bound at all.
+
+        Parameters
+        ----------
+        problem
+            What is asked.
+        """
+        return cls(
+            error=math.inf,
+            output=math.inf,
+            commands=np.full(problem.model.input_count, math.inf),
+            log_rate=math.inf,
+        )
 
     def excess(self, problem: DesignProblem) -> float:
         """Error or output over its tolerance, whichever is larger; at most 1 where both hold.
@@ -92,6 +111,7 @@ class Promise:
         loop = LiftedLoop(model, controller, timing, weights=problem.error_weights)
         self.is_stable = loop.is_stable
         self._kinks = timing.rest > 0 or operation.latency_jitter > 0
+        self._phase_spacing = loop.phase_spacing
         if not self.is_stable:
             return
         self._gains = gains = SampledGains(loop, rtol=rtol)
@@ -120,8 +140,8 @@ class Promise:
             ``x - x_d`` at the start, shape (n,), for bounds that hold from then on; None for
             those that hold in the limit.
         """
-        problem, m = self._problem, self._problem.model.input_count
-        nothing = Held(error=math.inf, output=math.inf, commands=np.full(m, math.inf))
+        problem = self._problem
+        nothing = Held.nothing(problem)
         if not self.is_stable or not all(np.isfinite(g.output).all() for g in self._measurements):
             return nothing
         unknown = self._operation.output_disturbance
@@ -129,15 +149,16 @@ class Promise:
         error = line.slope_error
         means = problem.pixels.sector_means(sectors, slope_error=error, unknown=unknown)
         bend, outer = np.zeros(problem.model.group_count), self._outer(start)
+        drives = self._drives_by_themselves(start)
         for _ in range(_ROUNDS):
-            solved = self._solve(means.constant + bend, means.share, outer)
-            if solved is None or np.any(
-                (1 + error) * solved.output >= problem.pixels.least - unknown
-            ):
+            solved = self._solve(means.constant + bend, means.share, outer, drives)
+            if solved is None:
                 return nothing
-            if np.any(solved.output > line.luminosity_reach):
+            light = problem.pixels.least - unknown - (1 + error) * solved.output
+            if np.any(light <= 0) or np.any(solved.output > line.luminosity_reach):
                 return nothing
-            grown = self._bend(solved, unknown) * (1 + means.largest)
+            rates = line.steepness * (self._rates(solved) + self._shown(drives))
+            grown = self._bend(solved, rates, unknown) * (1 + means.largest)
             if np.all(grown <= bend * (1 + 1e-6)):
                 break
             bend = grown * (1 + 1e-4)
@@ -147,13 +168,17 @@ class Promise:
             error=solved.error,
             output=float(solved.output.max()),
             commands=solved.commands + np.abs(problem.equilibrium.feedforward),
+            log_rate=float(np.max(rates / light)),
         )
 
-    def _solve(self, constant: FloatArray, share: FloatArray, outer: Gains) -> Gains | None:
+    def _solve(
+        self, constant: FloatArray, share: FloatArray, outer: Gains, drives: FloatArray
+    ) -> Gains | None:
         """Bounds of the signals for ``|w| <= constant + share |c'x|``; None if there are none."""
         channels = [*self._measurements, *self._drives, *self._pulses]
         matrix = np.array([self._answer(gains, share) for gains in channels]).T
-        offset = self._answer(outer, share) + self._offset(constant)
+        late = self._late(share) * self._shown(drives)
+        offset = self._answer(outer, share) + self._offset(constant + late)
         if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
             return None
         if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1:
@@ -190,7 +215,7 @@ class Promise:
         """Sizes of all channels that signals of these bounds bring about, but for constants."""
         problem, operation = self._problem, self._operation
         model, period = problem.model, operation.sampling_period
-        measured = share * signals.output
+        measured = share * signals.output + self._late(share) * self._rates(signals)
         if operation.interpolates:
             measured = measured + period**2 / 8 * signals.output_curve
             if self._kinks:
@@ -208,6 +233,36 @@ class Promise:
             disturbance = np.abs(model.input_matrix) @ self._disturbance
         measured = constant + self._unseen(errors + disturbance)
         return self._channels(measured, errors, np.zeros(model.input_count))
+
+    def _drives_by_themselves(self, start: FloatArray | None) -> FloatArray:
+        """Bound of what disturbances add to xdot, shape (n,); constants only after a start."""
+        held, model = self._problem.equilibrium, self._problem.model
+        drives = self._model_errors(np.abs(held.state), np.abs(held.feedforward))
+        if self._inputs:
+            drives = drives + np.abs(model.input_matrix) @ self._disturbance
+        if start is not None and self._loads:
+            drives = drives + np.abs(model.input_matrix) @ self._operation.constant_load
+        if start is not None and self._drift is not None:
+            drives = drives + np.abs(self._drift)
+        return drives
+
+    def _shown(self, drives: FloatArray) -> FloatArray:
+        """What a drive adds to ``|c'xdot|`` at once, shape (k,)."""
+        return np.atleast_1d(np.abs(self._problem.model.output_vector) @ drives)
+
+    def _rates(self, signals: Gains) -> FloatArray:
+        """Bound of ``|c'xdot|``, drives by themselves left out, shape (k,)."""
+        between = _BETWEEN_PHASES * self._phase_spacing / 2 * signals.output_curve
+        errors = self._model_errors(signals.states, signals.commands)
+        if self._pulses:
+            errors = errors + np.abs(self._problem.model.input_matrix) @ signals.changes
+        return np.asarray(signals.output_rate + between + self._shown(errors))
+
+    def _late(self, share: FloatArray) -> FloatArray:
+        """What an estimate that is late misses, by the rate of ``c'x``, shape (k,)."""
+        operation = self._operation
+        steepness = operation.linearisation.steepness
+        return np.asarray(operation.sensor.latency * steepness * (1 + share))
 
     def _channels(
         self, measured: FloatArray, errors: FloatArray, changes: FloatArray
@@ -240,15 +295,15 @@ class Promise:
         curves = np.abs(c @ self._problem.model.state_matrix)
         return np.atleast_1d((period / 2 * np.abs(c) + period**2 / 8 * curves) @ drives)
 
-    def _bend(self, signals: Gains, unknown: float) -> FloatArray:
+    def _bend(self, signals: Gains, rates: FloatArray, unknown: float) -> FloatArray:
         """How far a straight line in log y bends away from one in y, over a period, on average."""
         problem = self._problem
         if not self._operation.interpolates:
             return np.zeros(problem.model.group_count)
-        line = self._operation.linearisation
-        rate = self._operation.sampling_period * signals.output_rate * line.steepness
-        change = (1 + line.slope_error) * signals.output
-        return problem.pixels.bend(rate, change, unknown) / 8
+        operation = self._operation
+        change = (1 + operation.linearisation.slope_error) * signals.output
+        moved = operation.sampling_period * rates
+        return problem.pixels.bend(moved, change, unknown) / 8
 
 
 class Continuous:
@@ -275,71 +330,14 @@ class Continuous:
         """
         problem, gains = self._problem, self._gains
         means = problem.pixels.sector_means(sectors)
-        none = np.full(problem.model.input_count, math.inf)
         size = gains.amplified(means.constant, means.share)
         if size is None:
-            return Held(error=math.inf, output=math.inf, commands=none)
-        return Held(
+            return Held.nothing(problem)
+        return replace(
+            Held.nothing(problem),
             error=float(gains.state @ size),
             output=float((gains.output @ size).max()),
-            commands=none,
         )
-
-
-def largest_uncertainty(problem: DesignProblem, held: Callable[[Sectors], Held]) -> float:
-    """Largest common sector delta with which the tolerance holds, in [0, 1]; 0 for none.
-
-    Infinite where every sector will do.
-
-    Parameters
-    ----------
-    problem
-        Pixels and tolerance.
-    held
-        Bounds by the sectors of the pixels.
-    """
-
-    def excess(level: float) -> float:
-        return held(Sectors(level=level, own_widths=False)).excess(problem)
-
-    largest = largest_level(excess, low=0.0)
-    if math.isinf(largest):
-        return math.inf if largest > 0 else 0.0
-    return math.tanh(largest)
-
-
-def largest_threshold(problem: DesignProblem, held: Callable[[Sectors], Held]) -> float:
-    """Largest h with which the tolerance holds, each pixel with what is known of its reference.
-
-    ``delta_i = tanh(h ln b + w_i)`` with ``w_i = ln(M_i / m_i) / 2``. Zero or negative: q(0) is
-    known too poorly; minus infinity: the tolerance fails at any threshold.
-
-    Parameters
-    ----------
-    problem
-        Pixels and tolerance.
-    held
-        Bounds by the sectors of the pixels.
-    """
-    base = math.log(problem.log_base)
-
-    def excess(step: float) -> float:
-        return held(sectors_at(problem, step / base)).excess(problem)
-
-    return largest_level(excess, low=-problem.pixels.widest) / base
-
-
-def sectors_at(problem: DesignProblem, event_threshold: float) -> Sectors:
-    """``delta_i = tanh(h ln b + w_i)`` of every pixel at one threshold (Lemma 4).
-
-    Parameters
-    ----------
-    problem
-        Base.
-    event_threshold
-        h.
-    """
-    return Sectors(level=event_threshold * math.log(problem.log_base))
 
 
 def _through(matrix: FloatArray, sizes: FloatArray) -> FloatArray:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.analysis.peak_gain import ChannelGains
-from dvs_hinf_controller.analysis.plant_list import held_with_all
-from dvs_hinf_controller.analysis.promise import (
-    Continuous,
-    Held,
+from dvs_hinf_controller.analysis.largest_threshold import (
+    HeldBySectors,
+    held_at,
     largest_threshold,
     largest_uncertainty,
-    sectors_at,
 )
+from dvs_hinf_controller.analysis.peak_gain import ChannelGains
+from dvs_hinf_controller.analysis.plant_list import held_with_all
+from dvs_hinf_controller.analysis.promise import Continuous, Held
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.sector_means import Sectors
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 # Of a start along its direction: where the search for the farthest one ends.
 _FARTHEST, _BISECTIONS = 2.0**30, 20
@@ -79,12 +78,15 @@ def certify(
     gains
         Peak gains of the continuous loop.
     """
-    held: Callable[[Sectors], Held] = Continuous(problem, gains).held
-    continuous = certified = largest_threshold(problem, held)
+    held: HeldBySectors = Continuous(problem, gains).held
+    continuous = certified = largest_threshold(problem.continuous, held)
     costs = [Cost(part='continuous loop', threshold=continuous)]
     for part, operation in _parts(problem.operation):
         held = held_with_all(problem, controller, operation)
-        certified = largest_threshold(problem, held)
+        certified = largest_threshold(problem.operated(operation), held)
+        costs.append(Cost(part=part, threshold=certified))
+    for part, operation in _width_parts(problem.operation):
+        certified = largest_threshold(problem.operated(operation), held)
         costs.append(Cost(part=part, threshold=certified))
     return Certification(
         h_continuous=continuous,
@@ -114,7 +116,7 @@ def held_from(
     start
         ``x - x_d`` at the start, for bounds that hold from then on; None for the limit.
     """
-    return _running(problem, controller)(sectors_at(problem, event_threshold), start)
+    return held_at(problem, _running(problem, controller), event_threshold, start=start)
 
 
 def farthest_start(
@@ -143,10 +145,11 @@ def farthest_start(
     ndarray
         ``x - x_d``; 0 where nothing is promised at this threshold.
     """
-    held, sectors = _running(problem, controller), sectors_at(problem, event_threshold)
+    held = _running(problem, controller)
 
     def is_promised(factor: float) -> bool:
-        return math.isfinite(held(sectors, factor * direction).error)
+        found = held_at(problem, held, event_threshold, start=factor * direction)
+        return math.isfinite(found.error)
 
     inside, outside = 0.0, 1.0
     while outside < _FARTHEST and is_promised(outside):
@@ -157,7 +160,7 @@ def farthest_start(
     return inside * direction
 
 
-def _running(problem: DesignProblem, controller: LinearController) -> Callable[..., Held]:
+def _running(problem: DesignProblem, controller: LinearController) -> HeldBySectors:
     if problem.operation is None:
         raise ValueError('a problem without an operation has no running loop')
     return held_with_all(problem, controller, problem.operation)
@@ -214,6 +217,12 @@ def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
             math.isfinite(operation.linearisation.reach),
         ),
         (
+            f'events late by up to {_time(operation.sensor.latency)}',
+            'sensor',
+            SensorUncertainty(latency=operation.sensor.latency),
+            operation.sensor.latency > 0,
+        ),
+        (
             f'{100 * operation.model_uncertainty:g} % error of A and B',
             'model_uncertainty',
             operation.model_uncertainty,
@@ -224,6 +233,38 @@ def _parts(operation: Operation | None) -> list[tuple[str, Operation]]:
         if is_there:
             parts.append((name, replace(parts[-1][1], **{field: value})))  # type: ignore[arg-type]
     return parts
+
+
+def _width_parts(operation: Operation | None) -> list[tuple[str, Operation]]:
+    """What moves the intervals of the references while the loop runs, part by part."""
+    if operation is None:
+        return []
+    sensor, parts = operation.sensor, []
+    given = SensorUncertainty(latency=sensor.latency)
+    alone = '' if sensor.is_covered else 'NOT COVERED without anchors (anchor_period): '
+    steps: tuple[tuple[str, dict[str, float], bool], ...] = (
+        (
+            f'anchors within {100 * sensor.anchor:g} % every {_time(sensor.anchor_period)}',
+            {'anchor': sensor.anchor, 'anchor_period': sensor.anchor_period},
+            sensor.anchor_period > 0,
+        ),
+        (
+            f'{alone}threshold uncertainty {_thresholds(sensor)}',
+            {'threshold_on': sensor.threshold_on, 'threshold_off': sensor.threshold_off},
+            sensor.threshold > 0,
+        ),
+        (f'{alone}leak up to {sensor.leak:g}/s', {'leak': sensor.leak}, sensor.leak > 0),
+    )
+    for name, values, is_there in steps:
+        if is_there:
+            given = replace(given, **values)
+            parts.append((name, replace(operation, sensor=given)))
+    return parts
+
+
+def _thresholds(sensor: SensorUncertainty) -> str:
+    on, off = (f'{100 * error:g} %' for error in (sensor.threshold_on, sensor.threshold_off))
+    return on if on == off else f'{on} ON, {off} OFF'
 
 
 def _time(seconds: float) -> str:

@@ -96,6 +96,12 @@ def design_warnings(
         Period of commands, s.
     """
     figures, warnings = design.figures, []
+    operation = design.problem.operation
+    if operation and not operation.sensor.is_covered:
+        warnings.append(
+            'not covered: threshold_uncertainty or leak_uncertainty without anchor_period: each '
+            'event or second adds to the error of the estimate, and nothing takes it away'
+        )
     if event_threshold > figures.h_certified:
         beyond = event_threshold > figures.h_star
         published = f', nor published (it exceeds h* = {figures.h_star:.6g})' if beyond else ''

@@ -22,7 +22,7 @@ from dvs_hinf_controller.running.look_ahead import LookAhead, Silence
 from dvs_hinf_controller.running.means import Deviation, means_of
 from dvs_hinf_controller.running.reference_state import Synchrony, Taken
 from dvs_hinf_controller.running.reference_watch import ReferenceWatch
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 _KEPT_STEPS = 16
 

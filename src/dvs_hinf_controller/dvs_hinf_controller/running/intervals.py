@@ -32,8 +32,8 @@ from dvs_hinf_controller.running.interval_arithmetic import (
 from dvs_hinf_controller.running.packet_history import Passed
 from dvs_hinf_controller.running.pixel_records import CarriedMean, PixelRecords
 from dvs_hinf_controller.running.pixel_turns import PixelTurns, kernels_for
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
 from dvs_hinf_controller.running.step_bounds import StepBounds
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 class ReferenceIntervals:

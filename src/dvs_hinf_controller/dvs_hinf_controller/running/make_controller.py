@@ -5,7 +5,7 @@ from __future__ import annotations
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.running.event_controller import EventController
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 def event_controller(design: Design, scenario: Scenario) -> EventController:

@@ -29,7 +29,7 @@ from dvs_hinf_controller.running.reference_state import (
     Taken,
     sum_known,
 )
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 _NO_PIXELS = np.empty(0, np.intp)
 _NO_SIGNS = np.empty(0, np.int8)

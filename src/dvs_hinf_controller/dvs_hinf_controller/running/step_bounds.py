@@ -13,7 +13,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import threshold_step
 from dvs_hinf_controller.running.interval_arithmetic import LARGEST_LOGARITHM, ROUNDING, Told
 from dvs_hinf_controller.running.packet_history import Passed
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 class Spacings(TypedDict):

@@ -13,10 +13,11 @@ from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.directions import WeightedVectors, steep_directions
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
+from dvs_hinf_controller.analysis.largest_threshold import best_merit, largest_uncertainty
 from dvs_hinf_controller.analysis.peak_gain import channel_gains
 from dvs_hinf_controller.analysis.plant_list import held_with_all
 from dvs_hinf_controller.analysis.plant_rates import plant_rate
-from dvs_hinf_controller.analysis.promise import Continuous, largest_uncertainty
+from dvs_hinf_controller.analysis.promise import Continuous
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
@@ -56,8 +57,7 @@ _CUT_RTOL = 5e-3
 _COUNTED = 0.9
 _REDUCTION_LOSS = 2e-3
 _COMPARISON_RTOL = 1e-3
-_SEARCH_RTOL = 1e-2
-_FINAL_RTOL = 3e-4
+_SEARCH_RTOL, _FINAL_RTOL = 1e-2, 3e-4
 
 
 def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> LinearController:
@@ -254,7 +254,7 @@ def _score(
         found = largest_uncertainty(problem, Continuous(problem, gains).held)
     else:
         held = held_with_all(problem, controller, problem.operation, rtol=rtol)
-        found = largest_uncertainty(problem, held)
+        found = best_merit(problem, held)
     return found if found > 0 else -math.inf
 
 

@@ -14,7 +14,7 @@ from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.problem import unmasked
-from dvs_hinf_controller.running.sensor_uncertainty import SensorUncertainty
+from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,8 @@ class RunBudget:
     worst
         Its least favourable moment.
     is_certified
-        Whether no moment was worse than the start and not certified.
+        Whether h is certified and no moment was worse than the start and not certified; with a
+        sensor in error whether no moment at all was not certified, where that was reported.
     error_bounds
         ``delta_z`` of every pixel, shape (r,); infinite for one that was masked for a while.
     masked_pixels
@@ -44,6 +45,7 @@ def run_budget(
     bounds: ReferenceBounds,
     *,
     delta_certified: float,
+    h_certified: float,
     reported: Sequence[Budget],
 ) -> RunBudget:
     """Budget of a run.
@@ -59,6 +61,8 @@ def run_budget(
         What was known of the references at its start.
     delta_certified
         Relative error of the estimate up to which the tolerance is guaranteed.
+    h_certified
+        Threshold up to which it is, whatever a sensor within its bounds does.
     reported
         What the controller reported of its budget, in any order.
     """
@@ -73,14 +77,16 @@ def run_budget(
         event_threshold=scenario.sensor.event_threshold,
         log_base=scenario.sensor.log_base,
     ).error_bound.copy()
+    within = scenario.sensor.event_threshold <= h_certified
     if SensorUncertainty.of_scenario(scenario) != SensorUncertainty():
+        within = within or (bool(reported) and start.is_certified)
         used = max(budget.used for budget in (start, *reported))
         np.maximum(error_bounds, math.tanh(used), out=error_bounds)
     masked = set(mask).union(*(budget.masked_pixels for budget in reported)) & set(range(size))
     error_bounds[sorted(masked)] = math.inf
     return RunBudget(
         worst=max((start, *worse), key=lambda budget: (budget.unknown_pixels, -budget.left)),
-        is_certified=all(budget.is_certified for budget in worse),
+        is_certified=within and all(budget.is_certified for budget in worse),
         error_bounds=error_bounds,
         masked_pixels=len(masked),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,6 +137,7 @@ def without_states(
         scenario,
         scenario.reference_bounds(y[0]),
         delta_certified=delta_certified,
+        h_certified=math.inf,
         reported=reported,
     )
     wanted = scenario.scene.luminosity(scenario.model, scenario.equilibrium.state)

@@ -128,8 +128,8 @@ class Verdict:
     cycles_beyond_profile
         Number of samples at which `brightness_profile` was left, or its `profile_reach`.
     certified
-        Whether h is within it, and what became of the references during the run, too, no command
-        was at its limit and no pixel beyond its profile: the promise stood for this run.
+        Whether h is within it and what became of the references, too (of a sensor in error the
+        latter decides), no command at its limit, no pixel beyond its profile: it was promised.
     budget_used
         Largest ``h ln b + max w`` of the run, as the controller reported it.
     budget_allowed
@@ -314,7 +314,11 @@ def judge(
     """
     bounds = bounds or scenario.reference_bounds(trace.luminosities[0])
     budget = run_budget(
-        scenario, bounds, delta_certified=promised.delta_certified, reported=reported
+        scenario,
+        bounds,
+        delta_certified=promised.delta_certified,
+        h_certified=promised.h_certified,
+        reported=reported,
     )
     worst, bound = budget.worst, budget.error_bounds
     held = scenario.equilibrium
@@ -359,10 +363,7 @@ def judge(
         h_certified=threshold_or_null(promised.h_certified),
         saturated_cycles=int(saturated.sum()),
         cycles_beyond_profile=beyond,
-        certified=scenario.sensor.event_threshold <= promised.h_certified
-        and budget.is_certified
-        and not saturated.any()
-        and not beyond,
+        certified=budget.is_certified and not saturated.any() and not beyond,
         budget_used=worst.used,
         budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
         certificate=str(worst),

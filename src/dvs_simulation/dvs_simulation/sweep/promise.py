@@ -9,8 +9,9 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import ReferenceBounds
+from dvs_hinf_controller.analysis.largest_threshold import held_at
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
-from dvs_hinf_controller.analysis.promise import Promise, sectors_at
+from dvs_hinf_controller.analysis.promise import Promise
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.design.certification import held_from
 from dvs_hinf_controller.operation import Operation
@@ -236,7 +237,7 @@ def _attempt(rng: np.random.Generator, method: str) -> PromiseCase | None:
         return None
     promise = Promise(problem, controller, operation, rtol=_RTOL)
     for threshold in 10.0 ** (rng.uniform(-1.5, -0.7) - np.arange(_FALLS)):
-        held = promise.held(sectors_at(problem, float(threshold)))
+        held = held_at(problem, promise.held, float(threshold))
         if 0 < held.error < math.inf:
             break
     else:

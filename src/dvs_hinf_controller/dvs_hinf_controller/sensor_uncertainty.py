@@ -26,6 +26,8 @@ class SensorUncertainty:
         Largest relative error of an absolute measurement of luminosity, in [0, 1).
     latency
         Longest time from what causes an event to its stamp, s.
+    anchor_period
+        Longest time from an absolute measurement to the arrival of the next one, s; 0 for none.
 
     Raises
     ------
@@ -38,15 +40,32 @@ class SensorUncertainty:
     leak: float = 0.0
     anchor: float = 0.0
     latency: float = 0.0
+    anchor_period: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         for entry in fields(self):
             value = getattr(self, entry.name)
-            is_relative = entry.name not in ('leak', 'latency')
+            is_relative = entry.name not in ('leak', 'latency', 'anchor_period')
             if not 0 <= value < (1 if is_relative else math.inf):
                 rule = 'must be >= 0 and < 1' if is_relative else 'must be >= 0 and finite'
-                raise ParameterError(f'{entry.name}_uncertainty', value, rule)
+                is_bound = entry.name != 'anchor_period'
+                raise ParameterError(entry.name + '_uncertainty' * is_bound, value, rule)
+
+    @property
+    def threshold(self) -> float:
+        """Largest relative error of a threshold."""
+        return max(self.threshold_on, self.threshold_off)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether what is known of a reference wears off while nothing measures it."""
+        return self.threshold > 0 or self.leak > 0
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether what is known of a reference has a bound for ever."""
+        return not self.drifts or self.anchor_period > 0
 
     @classmethod
     def of_scenario(cls, scenario: Scenario) -> SensorUncertainty:
@@ -74,4 +93,5 @@ class SensorUncertainty:
             leak=given.leak_uncertainty,
             anchor=given.anchor_uncertainty,
             latency=given.latency_uncertainty,
+            anchor_period=given.anchor_period,
         )
