@@ -30,7 +30,12 @@ ROOMS = {
     ),
     'dvs_closed_loop': (GROUND, 'bags', 'reports', 'running', 'dashboard', 'commands', ROOF),
 }  # fmt: skip
-CORES = {'dvs_event_camera.event_camera'}
+CORES = {
+    'dvs_event_camera.event_camera',
+    'dvs_event_camera.expected_frame',
+    'dvs_event_camera.rehearsal',
+    'dvs_event_camera.scenario_pixels',
+}
 MOST_LINES = 400
 SAME_LINES = 10
 

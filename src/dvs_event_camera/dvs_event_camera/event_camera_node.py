@@ -29,12 +29,12 @@ from dvs_common.wire.keyframe import pack_keyframe
 from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamp_gate import Passage, StampGate
 from dvs_event_camera.event_camera import EventCamera, Exposure
+from dvs_event_camera.expected_frame import ExpectedFrames
 from dvs_event_camera.rehearsal import rehearse
 from dvs_event_camera.streams.anchor_frames import AnchorFrames
 from dvs_event_camera.streams.event_cloud import EventCloud, pack_cloud
 from dvs_event_camera.streams.event_packet import pack_event_packet
 from dvs_event_camera.streams.event_records import without_labels
-from dvs_event_camera.streams.expected_frame import ExpectedFrames
 from dvs_event_camera.streams.frame_map import FrameMap
 from dvs_event_camera.streams.image_source import (
     LuminosityFrame,

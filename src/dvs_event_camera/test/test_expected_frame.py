@@ -12,7 +12,7 @@ from dvs_common.wire.events import pack_events
 from dvs_common.wire.messages import pack_image
 from dvs_common.wire.stamp_gate import StampGate
 from dvs_event_camera.event_camera import EventCamera
-from dvs_event_camera.streams.expected_frame import ExpectedFrames
+from dvs_event_camera.expected_frame import ExpectedFrames
 from dvs_event_camera.streams.image_source import parse_luminosity
 
 MS = 1_000_000
