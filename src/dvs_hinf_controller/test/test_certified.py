@@ -17,7 +17,7 @@ from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
-from dvs_hinf_controller.synthesis.youla import YoulaFamily
+from dvs_hinf_controller.synthesis.youla import Filters, YoulaFamily
 
 Make = Callable[..., DesignProblem]
 
@@ -152,7 +152,9 @@ def test_bandwidth_limit_slows_the_loop_and_costs_threshold(
 
 def test_youla_responses_are_those_of_the_controllers(paper_model: PlantModel) -> None:
     """Affine in theta, and the controller built from theta has that very response."""
-    family = YoulaFamily.around_observer(paper_model, np.array([4.0, 40.0]), rate=10.0)
+    family = YoulaFamily.around_observer(
+        paper_model, Filters.real(np.array([4.0, 40.0])), rate=10.0
+    )
     times = family.time_grid()
     nominal, responses = family.responses(times)
     theta = np.array([0.3, -2.0, 5.0])
@@ -168,7 +170,7 @@ def test_youla_family_of_two_inputs(paper_model: PlantModel) -> None:
         input_matrix=np.array([[1.0, 0.0], [1.0, -2.0]]),
         output_vector=paper_model.output_vector,
     )
-    family = YoulaFamily.around_observer(wide, np.array([4.0]), rate=10.0)
+    family = YoulaFamily.around_observer(wide, Filters.real(np.array([4.0])), rate=10.0)
     times = family.time_grid()
     nominal, responses = family.responses(times)
     theta = np.array([0.3, -2.0, 5.0, 1.0])
@@ -185,7 +187,7 @@ def test_youla_family_names_what_is_missing() -> None:
         output_vector=np.ones(2),
     )
     with pytest.raises(SynthesisError, match='stabilizability'):
-        YoulaFamily.around_observer(model, np.ones(1), rate=1.0)
+        YoulaFamily.around_observer(model, Filters.real(np.ones(1)), rate=1.0)
 
 
 def test_reduction_drops_states_that_do_nothing(paper_model: PlantModel) -> None:

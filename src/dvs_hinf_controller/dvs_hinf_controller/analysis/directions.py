@@ -9,7 +9,10 @@ import numpy as np
 import scipy.linalg
 
 from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.analysis.cones import largest_on_sphere
 
+_MOST_IN_CONES = 4
+_CONE_RTOL, _CONE_WORK = 2e-3, 2e9
 _SECTORS = 32
 _PLANE_RTOL = 1e-5
 _ASCENT_STARTS = 12
@@ -80,7 +83,13 @@ def largest_integral(kernel: WeightedVectors) -> Bracket:
         return _largest_in_plane(kernel)
     v = steepest_direction(kernel)
     lower = float(kernel.integral(v[:, None])[0])
-    return Bracket(lower=lower, upper=_relaxed_maximum(kernel, _mixed(np.outer(v, v))).bound)
+    upper = math.inf
+    if n <= _MOST_IN_CONES:
+        most = int(_CONE_WORK / kernel.values.size)
+        upper = largest_on_sphere(kernel.integral, n, lower=lower, rtol=_CONE_RTOL, most=most)
+    if upper > lower * (1 + 2 * _CONE_RTOL):
+        upper = min(upper, _relaxed_maximum(kernel, _mixed(np.outer(v, v))).bound)
+    return Bracket(lower=lower, upper=upper)
 
 
 def largest_bound(values: FloatArray, weights: FloatArray) -> float:
@@ -101,7 +110,7 @@ def largest_bound(values: FloatArray, weights: FloatArray) -> float:
         if crude[k] <= best:
             break
         kernel = WeightedVectors(values=values[k], weights=weights)
-        if n <= 2:
+        if n <= _MOST_IN_CONES:
             best = max(best, largest_integral(kernel).upper)
             continue
         if density is None:

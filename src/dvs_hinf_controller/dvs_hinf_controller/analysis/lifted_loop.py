@@ -21,7 +21,7 @@ from dvs_hinf_controller.analysis.tail_bounds import (
 from dvs_hinf_controller.controller import LinearController
 
 _FASTEST_DECAY = 100.0
-_NODE_ANGLE = 0.04
+_CHORD_SHARE = 0.45
 _DECAYED = 15.0
 _PHASES_PER_RADIAN = 6.0
 _MOST_PHASES = 8
@@ -247,14 +247,20 @@ class LiftedLoop:
         state[self._held : self._held + command.size] = command
         return CommandResponse(outputs=seen[:, :, 0], state=state)
 
-    @property
-    def interval_nodes(self) -> FloatArray:
-        """Instants within a period, dense where a mode that is still alive moves, s."""
+    def interval_nodes(self, rtol: float) -> FloatArray:
+        """Instants within a period, dense where a mode that is still alive moves, s.
+
+        Parameters
+        ----------
+        rtol
+            Relative size of what the chords between them may miss.
+        """
         modes = np.linalg.eigvals(self._flow[: self._held, : self._held])
         nodes, period = [0.0], self.timing.period
+        angle = math.sqrt(_CHORD_SHARE * 12 * rtol)
         while nodes[-1] < period:
             alive = np.abs(modes[-modes.real * nodes[-1] < _DECAYED])
-            step = _NODE_ANGLE / max(float(alive.max(initial=0.0)), _NODE_ANGLE / period)
+            step = angle / max(float(alive.max(initial=0.0)), angle / period)
             nodes.append(min(nodes[-1] + step, period))
         return np.array(nodes)
 

@@ -96,7 +96,7 @@ class SampledGains:
         """
         loop, n = self._loop, self._states
         feedthrough = loop.controller.feedthrough_matrix[:, group]
-        nodes = loop.interval_nodes
+        nodes = loop.interval_nodes(self._rtol)
         start = np.concatenate([np.zeros(n), loop.controller.input_matrix[:, group]])
         states = loop.after(nodes, start)
         columns, weights = loop.lifted(states), trapezoidal_weights(nodes)
@@ -117,7 +117,7 @@ class SampledGains:
             Direction, shape (n,).
         """
         loop = self._loop
-        nodes = loop.interval_nodes
+        nodes = loop.interval_nodes(self._rtol)
         states = loop.after(nodes, np.concatenate([drive, np.zeros(loop.controller.order)]))
         weights = trapezoidal_weights(nodes)
         slop = self._chord_error(nodes, states)
@@ -140,7 +140,7 @@ class SampledGains:
         ends = np.clip([left - width, left, left + width], 0, timing.period)
         states = loop.after(ends, start)
         direct = _Direct.largest(
-            width * loop.at_once(loop.after(loop.interval_nodes, start)), self._states
+            width * loop.at_once(loop.after(loop.interval_nodes(self._rtol), start)), self._states
         )
         none = np.zeros(1 + self._outputs.shape[1])
         found = [

@@ -29,6 +29,7 @@ from dvs_hinf_controller.synthesis.group_weights import (
     synthesize_groups,
     weighted_controller,
 )
+from dvs_hinf_controller.synthesis.least_l1 import L1Problem, least_l1
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
@@ -36,7 +37,7 @@ from dvs_hinf_controller.synthesis.settling import settled
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 from dvs_hinf_controller.synthesis.units import Units
-from dvs_hinf_controller.synthesis.youla import Jump, YoulaFamily
+from dvs_hinf_controller.synthesis.youla import Filters, Jump, YoulaFamily
 
 # Filter poles: about an octave apart, up to this multiple of the plant's own rate.
 _FASTEST_FILTER = 100.0
@@ -52,7 +53,6 @@ _LEAST_DELAY = 0.1
 _FASTEST_IN_DELAY = 4.0
 _MAX_CUTS = 12
 _LEAST_LUMINOSITY = 1e-3
-_SOLVERS = ('highs', 'highs-ipm')
 _CUT_RTOL = 5e-3
 _COUNTED = 0.9
 _REDUCTION_LOSS = 2e-3
@@ -288,11 +288,11 @@ def peak_to_peak(
     Raises
     ------
     SynthesisError
-        If the plant is not stabilizable or not detectable, or the linear program has no solution.
+        If the plant is not stabilizable or not detectable, or rounding stops the program.
     """
     family = YoulaFamily.around_observer(
         delayed_plant(plant, delay) if delay > 0 else plant,
-        _filter_poles(plant, fastest),
+        Filters.real(_filter_poles(plant, fastest)),
         rate=observer_rate * plant_rate(plant),
         strictly_proper=strictly_proper,
     )
@@ -331,7 +331,7 @@ def _optimal_coefficients(
         theta = np.zeros(family.coefficient_count)
         if directions:
             rows = [family.model.gradient[:states], *directions]
-            theta = _linear_program(rows, weights, nominal, responses, jump)
+            theta = _least(rows, weights, nominal, responses, jump)
         kernel = WeightedVectors(values=nominal + responses @ theta, weights=weights)
         steep = steep_directions(kernel)
         integrals = kernel.integral(steep)
@@ -348,53 +348,21 @@ def _optimal_coefficients(
     return np.asarray(best / sizes)
 
 
-def _linear_program(
+def _least(
     rows: list[FloatArray],
     weights: FloatArray,
     nominal: FloatArray,
     responses: FloatArray,
     jump: Jump,
 ) -> FloatArray:
-    """Minimise ``s + t`` with ``t >= integral |c'g|``, ``s >= integral |v'g|``.
-
-    Every entry of the kernels is split into its positive and its negative part.
-    """
-    # Half as long to load as all else that a controller needs.
-    import scipy.optimize
-    import scipy.sparse
-
-    nodes, _, k = responses.shape
-    parts = nodes * len(rows)
+    """Minimise ``integral |c'g| + max_v integral |v'g|``: c comes first."""
+    seen = np.array(rows)
     scale = 1 / max(float(weights @ np.linalg.norm(nominal, axis=1)), 1e-300)
-    affine = np.vstack([np.einsum('ijk,j->ik', responses, row) for row in rows])
-    fixed = np.concatenate([nominal @ row for row in rows]) * scale
-    eye = scipy.sparse.eye_array(parts, format='csr')
-    equalities = scipy.sparse.hstack(
-        [scipy.sparse.csr_array(affine), scipy.sparse.csr_array((parts, 2)), -eye, eye]
+    program = L1Problem(
+        slopes=np.einsum('ijk,rj->rik', responses, seen),
+        offsets=np.einsum('ij,rj->ri', nominal, seen) * scale,
+        weights=weights,
+        equal_slope=jump.slope,
+        equal_offset=jump.offset * scale,
     )
-    smooth = np.hstack([jump.slope, np.zeros((len(jump.slope), 2 + 2 * parts))])
-    equalities = scipy.sparse.vstack([equalities, scipy.sparse.csr_array(smooth)])
-    totals = np.zeros((len(rows), k + 2 + 2 * parts))
-    for index in range(len(rows)):
-        totals[index, k + 1 if index == 0 else k] = -1.0
-        for start in (k + 2, k + 2 + parts):
-            totals[index, start + nodes * index : start + nodes * (index + 1)] = weights
-    cost = np.zeros(k + 2 + 2 * parts)
-    cost[k : k + 2] = 1.0
-    message = ''
-    for solver in _SOLVERS:
-        result = scipy.optimize.linprog(
-            cost,
-            A_ub=scipy.sparse.csr_array(totals),
-            b_ub=np.zeros(len(rows)),
-            A_eq=equalities.tocsr(),
-            b_eq=-np.concatenate([fixed, jump.offset * scale]),
-            bounds=[(None, None)] * k + [(0, None)] * (2 + 2 * parts),
-            method=solver,
-        )
-        if result.x is not None:
-            return np.asarray(result.x[:k] / scale, dtype=np.float64)
-        message = result.message
-    raise SynthesisError(
-        Assumption.CONFIRMATION, f'the linear program of the L1 design failed: {message}'
-    )
+    return least_l1(program) / scale

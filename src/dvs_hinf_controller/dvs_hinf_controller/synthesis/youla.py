@@ -15,6 +15,9 @@ from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisE
 _NODES_PER_OCTAVE = 10
 _FIRST_STEP = 0.25
 _HORIZON = 9.0
+# A mode swings by at most this angle from node to node while it counts.
+_WIDEST_ANGLE, _ALIVE = 0.6, 5.0
+_MOST_NODES = 600
 _MARGINS = (0.3, 0.1, 0.03, 0.0)
 
 
@@ -35,8 +38,35 @@ class Jump:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Filters:
+    """``phi' = matrix phi + drive e``: filters of one signal, each with its static gain.
+
+    Parameters
+    ----------
+    matrix
+        M, stable, shape (f, f), rad/s.
+    drive
+        d, shape (f,), rad/s.
+    """
+
+    matrix: FloatArray
+    drive: FloatArray
+
+    @classmethod
+    def real(cls, poles: FloatArray) -> Filters:
+        """``p_j / (s + p_j)``.
+
+        Parameters
+        ----------
+        poles
+            p_j > 0, shape (f,), rad/s.
+        """
+        return cls(matrix=-np.diag(poles), drive=poles)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class YoulaFamily:
-    """``u = F xhat + sum_j theta_j phi_j``, phi_j the innovation filtered by ``p_j / (s + p_j)``.
+    """``u = F xhat + sum_j theta_j phi_j``, ``phi' = M phi + d e``, e the innovation.
 
     The innovation does not depend on theta, so that the response to w is affine in theta (Youla,
     Jabr and Bongiorno 1976; Boyd and Barratt 1991, chapter 7). Before these filters there is one
@@ -50,8 +80,8 @@ class YoulaFamily:
         F, shape (m, n), with A + B F stable.
     injection
         L, shape (n,), with A - L c' stable.
-    filter_poles
-        p_j > 0, shape (f,), rad/s.
+    filters
+        M and d.
     strictly_proper
         Whether no controller of the family has a feedthrough.
     """
@@ -59,14 +89,14 @@ class YoulaFamily:
     model: PlantModel
     feedback: FloatArray
     injection: FloatArray
-    filter_poles: FloatArray
+    filters: Filters
     strictly_proper: bool = False
 
     @classmethod
     def around_observer(
         cls,
         model: PlantModel,
-        filter_poles: FloatArray,
+        filters: Filters,
         *,
         rate: float,
         strictly_proper: bool = False,
@@ -77,8 +107,8 @@ class YoulaFamily:
         ----------
         model
             Plant, stabilizable and detectable.
-        filter_poles
-            p_j > 0, shape (f,), rad/s.
+        filters
+            M and d.
         rate
             rad/s.
         strictly_proper
@@ -96,28 +126,39 @@ class YoulaFamily:
             model=model,
             feedback=feedback,
             injection=injection,
-            filter_poles=filter_poles,
+            filters=filters,
             strictly_proper=strictly_proper,
         )
 
     @property
     def coefficient_count(self) -> int:
         """Number of entries of theta: m for every filter."""
-        return self.model.input_count * (self.filter_poles.size + (not self.strictly_proper))
+        return self.model.input_count * (self.filters.drive.size + (not self.strictly_proper))
 
     def time_grid(self) -> FloatArray:
-        """Times that resolve the fastest filter and reach the end of the slowest mode, s."""
+        """Times that resolve the fastest filter and reach the end of the slowest mode, s.
+
+        Raises
+        ------
+        SynthesisError
+            If rounding hides whether the loop around the observer is stable.
+        """
         loop = [
             self.model.state_matrix + self.model.input_matrix @ self.feedback,
             self.model.state_matrix - np.outer(self.injection, self.model.gradient),
+            self.filters.matrix,
         ]
         modes = np.concatenate([np.linalg.eigvals(matrix) for matrix in loop])
-        fastest = max(float(np.max(np.abs(modes))), float(np.max(self.filter_poles, initial=0)))
-        slowest = min(float(np.min(-modes.real)), float(np.min(self.filter_poles, initial=np.inf)))
+        fastest, slowest = float(np.max(np.abs(modes))), float(np.min(-modes.real))
+        if not slowest > 0:
+            detail = 'rounding hides whether the loop around the observer is stable'
+            raise SynthesisError(Assumption.CONFIRMATION, detail)
         times, step = [0.0], _FIRST_STEP / fastest
-        while times[-1] < _HORIZON / slowest:
+        while times[-1] < _HORIZON / slowest and len(times) < _MOST_NODES:
             times += (times[-1] + step * np.arange(1, _NODES_PER_OCTAVE + 1)).tolist()
-            step *= 2
+            swinging = np.abs(modes[-modes.real * times[-1] < _ALIVE])
+            if 2 * step * float(swinging.max(initial=0.0)) <= _WIDEST_ANGLE:
+                step *= 2
         return np.array(times)
 
     def responses(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -136,11 +177,11 @@ class YoulaFamily:
         """
         a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.gradient
         n, m = b.shape
-        f = self.filter_poles.size
+        f = self.filters.drive.size
         observer = np.zeros((n + f, n + f))
         observer[:n, :n] = a - np.outer(self.injection, c)
-        observer[n:, :n] = np.outer(self.filter_poles, c)
-        observer[n:, n:] = -np.diag(self.filter_poles)
+        observer[n:, :n] = np.outer(self.filters.drive, c)
+        observer[n:, n:] = self.filters.matrix
         signals = np.vstack([np.append(c, np.zeros(f)), np.eye(n + f)[n:]])
         if self.strictly_proper:
             signals = signals[1:]
@@ -155,7 +196,7 @@ class YoulaFamily:
             start[1 : m + 1] = b.T
         path = _propagate(
             _Cascade(loop=a + b @ self.feedback, observer=observer, drives=drives),
-            np.concatenate([-self.injection, self.filter_poles]),
+            np.concatenate([-self.injection, self.filters.drive]),
             start,
             times,
         )
@@ -175,7 +216,7 @@ class YoulaFamily:
         m = self.model.input_count
         if not self.strictly_proper:
             return Jump(slope=np.zeros((0, self.coefficient_count)), offset=np.zeros(0))
-        slope = np.kron(self.filter_poles, np.eye(m)) / sizes
+        slope = np.kron(self.filters.drive, np.eye(m)) / sizes
         return Jump(slope=slope, offset=self.feedback @ self.injection)
 
     def controller(self, theta: FloatArray) -> LinearController:
@@ -188,7 +229,7 @@ class YoulaFamily:
         """
         a, b, c = self.model.state_matrix, self.model.input_matrix, self.model.gradient
         n, m = b.shape
-        f = self.filter_poles.size
+        f = self.filters.drive.size
         if self.strictly_proper:
             theta = np.concatenate([np.zeros(m), theta])
         gains = theta.reshape(f + 1, m).T
@@ -196,12 +237,12 @@ class YoulaFamily:
         output = np.hstack([self.feedback - np.outer(direct, c), gains[:, 1:]])
         state = np.zeros((n + f, n + f))
         state[:n, :n] = a - np.outer(self.injection, c)
-        state[n:, :n] = -np.outer(self.filter_poles, c)
-        state[n:, n:] = -np.diag(self.filter_poles)
+        state[n:, :n] = -np.outer(self.filters.drive, c)
+        state[n:, n:] = self.filters.matrix
         state[:n] += b @ output
         return LinearController(
             state_matrix=state,
-            input_vector=np.concatenate([self.injection + b @ direct, self.filter_poles]),
+            input_vector=np.concatenate([self.injection + b @ direct, self.filters.drive]),
             output_matrix=output,
             feedthrough=direct,
         )
