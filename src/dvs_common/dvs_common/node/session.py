@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from dvs_common.errors import ParameterError
+from dvs_common.node.clock_watch import ClockWatch
 from dvs_common.node.direct_calls import DirectCalls
 from dvs_common.node.shared_memory import leave_shared_memory_where_needed
 from dvs_common.program import StopSignal
@@ -57,6 +58,7 @@ class RosSession:
         self.direct: DirectCalls | None = None
         self._executor = EventsExecutor()
         self._nodes: list[Node] = []
+        self._clock = ClockWatch(self._executor.wake)
 
     def add(self, node: AnyNode) -> AnyNode:
         """Take a node in, and return it.
@@ -88,6 +90,16 @@ class RosSession:
         # What was taken down by a transition may still have an event in the queue.
         with suppress(InvalidHandle):
             self._executor.spin_once(timeout_sec=min(timeout_s, _TURN_S))
+        if self._clock.was_set_back:
+            self._clock.was_set_back = False
+            self._start_timers_anew()
+
+    def _start_timers_anew(self) -> None:
+        """Let the executor wait for its timers anew, each from now on."""
+        for node in self._nodes:
+            for timer in node.timers:
+                if not timer.is_canceled():
+                    timer.reset()
 
     def spin(self, seconds: float) -> None:
         """Handle what comes for a while, or until a signal.
@@ -103,6 +115,7 @@ class RosSession:
 
     def close(self) -> None:
         """Take the nodes down."""
+        self._clock.close()
         for node in self._nodes:
             self._executor.remove_node(node)
         self._executor.shutdown()
