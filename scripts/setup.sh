@@ -94,8 +94,10 @@ write_programs() {
         grep -q load_entry_point "$program" || continue
         package=$(basename "$(dirname "$program")")
         read -r interpreter <"$program"
+        # What a worker process imports of its parent must not run.
         printf '%s\n' "$interpreter" 'import sys' '' \
-            "from $package.programs import $(basename "$program") as main" '' 'sys.exit(main())' \
+            "from $package.programs import $(basename "$program") as main" '' \
+            "if __name__ == '__main__':" '    sys.exit(main())' \
             >"$program"
     done
 }

@@ -70,7 +70,7 @@ def test_every_scenario_in_config_is_sound(path):
         (parameters('3: 0.1'), '3 = 0.1: is not a parameter'),
         (parameters('event_threshold: -0.1'), 'event_threshold = -0.1: must be'),
         (parameters('event_threshold: .nan'), 'event_threshold = nan: must be'),
-        (parameters('event_threshold: 0.1 s'), 'event_threshold = 0.1 s: must be'),
+        (parameters('event_threshold: 0.1 s'), "event_threshold = '0.1 s': must be"),
     ],
 )
 def test_a_file_that_is_not_sound_is_refused(text, reason, tmp_path):

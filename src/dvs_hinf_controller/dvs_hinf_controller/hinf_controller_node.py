@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -34,13 +35,16 @@ from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import Design, DesignFigures, design_from_scenario
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
+from dvs_hinf_controller.running.backlog import Backlog
 from dvs_hinf_controller.running.event_controller import PacketReport
 from dvs_hinf_controller.running.look_ahead import ReadyAnswer
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_hinf_controller.running.reference_state import Synchrony
 from dvs_hinf_controller.running.rehearsal import rehearse
 
-_ASK_AGAIN_S = 0.5
+# A keyframe is asked for again after 1, 2, 4 and 8 ticks, then every tenth.
+_TICK_S = 0.05
+_ASK_AT, _ASK_EVERY = (1, 2, 4, 8), 10
 _STALE_S = 2.0
 # Time without any known reference after which `unknown_references: stop` stops.
 _BLIND_S = 2.0
@@ -103,7 +107,7 @@ class HinfControllerNode(ManagedNode):
         latched = topics.latched_qos(depth=1)
         self.listen(PointCloud2, topics.KEYFRAME, self._take_keyframe, latched)
         self.listen(Image, topics.ANCHOR, self._take_anchor, topics.stream_qos())
-        self.every(_ASK_AGAIN_S, self._keep_asking)
+        self.every(_TICK_S, self._tick)
         for topic in (topics.EVENTS, topics.COMMAND):
             self.expect_one_publisher(topic)
         self._report_design()
@@ -132,8 +136,11 @@ class HinfControllerNode(ManagedNode):
         self._threshold = self._controller.event_threshold
         self._unknown_said = False
         self._blind_s = 0.0
+        self._waited_ticks = 0
         self._stamp_ns = 0
         self._ready: ReadyAnswer | None = None
+        has_past = self._scenario.loop.mode == 'lockstep'
+        self._backlog = Backlog() if has_past else None
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
@@ -159,6 +166,28 @@ class HinfControllerNode(ManagedNode):
     # -- messages -------------------------------------------------------------------------------
 
     def _take(self, message: bytes) -> None:
+        if self._backlog is None:
+            self._answer(message)
+        else:
+            self._catch_up(message, self._backlog)
+
+    def _catch_up(self, message: bytes, backlog: Backlog) -> None:
+        """Take a packet that may be of the past."""
+        packet = parse_events(message)
+        report = self._controller.take(packet)
+        self._packets += 1
+        self._note(report, packet)
+        self._stamp_ns = packet.stamp_ns
+        backlog.add(time.monotonic())
+        if backlog.is_over(time.monotonic()):
+            self._answer_last()
+
+    def _answer_last(self) -> None:
+        self._backlog = None
+        self._publish_command(self._stamp_ns, self._controller.command)
+        self._publish_estimate(self._stamp_ns)
+
+    def _answer(self, message: bytes) -> None:
         ready, self._ready = self._ready, None
         report = None
         if ready is not None and message == ready.message and self._still_foresees(ready):
@@ -172,10 +201,7 @@ class HinfControllerNode(ManagedNode):
             if report.restarted:
                 self._command_publisher.forget()
             self._publish_command(packet.stamp_ns, self._controller.command)
-        if self._estimate_publisher.wanted:
-            self._estimate_publisher.publish(
-                pack_estimate(packet.stamp_ns, self._controller.estimate)
-            )
+        self._publish_estimate(packet.stamp_ns)
         self._packets += 1
         if report is not None:
             self._note(report, packet)
@@ -208,6 +234,10 @@ class HinfControllerNode(ManagedNode):
 
     def _publish_command(self, stamp_ns: int, values: FloatArray) -> None:
         self._send_command(self._packed(stamp_ns, values), values)
+
+    def _publish_estimate(self, stamp_ns: int) -> None:
+        if self._estimate_publisher.wanted:
+            self._estimate_publisher.publish(pack_estimate(stamp_ns, self._controller.estimate))
 
     def _packed(self, stamp_ns: int, values: FloatArray) -> bytes:
         return pack_command(Vector(stamp_ns=stamp_ns, names=self._names, values=values))
@@ -269,10 +299,18 @@ class HinfControllerNode(ManagedNode):
         if self._controller.references.needs_keyframe:
             self._request_publisher.publish(Empty())
 
+    def _tick(self) -> None:
+        if self._backlog is not None and self._backlog.is_over(time.monotonic()):
+            self._answer_last()
+        self._keep_asking()
+
     def _keep_asking(self) -> None:
-        self._ask_for_keyframe()
+        needs = self._controller.references.needs_keyframe
+        self._waited_ticks = self._waited_ticks + 1 if needs else 0
+        if self._waited_ticks in _ASK_AT or self._waited_ticks % _ASK_EVERY == 0:
+            self._ask_for_keyframe()
         is_blind = self._packets and self._controller.is_blind
-        self._blind_s = self._blind_s + _ASK_AGAIN_S if is_blind else 0.0
+        self._blind_s = self._blind_s + _TICK_S if is_blind else 0.0
         if self._scenario.uncertainty.unknown_references == 'stop' and self._blind_s > _BLIND_S:
             self.finish(_UNKNOWN_REFERENCES, 'references unknown (unknown_references: stop)')
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,6 +147,23 @@ def balanced(system: StateSpace) -> StateSpace:
     return StateSpace(
         a=system.a / scale[:, None] * scale, b=b * level, c=c / level, d=system.d.copy()
     )
+
+
+def lyapunov_solution(a: FloatArray, q: FloatArray) -> FloatArray:
+    """X of ``a X + X a' = q``, without a warning where that is nearly singular.
+
+    Whoever uses it looks at what has become of X, or of what is made of it.
+
+    Parameters
+    ----------
+    a
+        Shape (n, n).
+    q
+        Shape (n, n).
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', RuntimeWarning)
+        return np.asarray(scipy.linalg.solve_continuous_lyapunov(a, q))
 
 
 def state_response(model: PlantModel, controller: LinearController) -> StateSpace:

@@ -1,12 +1,14 @@
 """The sampled loop of two pixel groups: its promise, and what refuses more than one."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
-from dvs_common.wire.messages import parse_state
-from dvs_common.wire.topics import STATE
+from dvs_common.wire.messages import parse_command, parse_state
+from dvs_common.wire.topics import COMMAND, STATE
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_simulation.exact.loop import ClosedLoop
 from dvs_simulation.sampled.compiled_loop import compiled_loop
@@ -59,6 +61,46 @@ def test_two_groups_stay_within_their_promise(design, seed):
     settled = len(states) * 2 // 3
     error = np.linalg.norm(states[settled:], axis=1).max()
     assert 0.02 < error < design.problem.tolerance
+
+
+@cache
+def loaded(*, integral_action):
+    scenario = STRIPES.replace(
+        constant_load=[0.05, -0.03],
+        duration=6.0,
+        event_threshold=1e-3,
+        method='certified',
+        integral_action=integral_action,
+    )
+    return scenario, design_from_scenario(scenario)
+
+
+def run_with_load(*, integral_action, **values):
+    scenario, design = loaded(integral_action=integral_action)
+    run = run_by_messages(scenario.replace(**values), design=design)
+    states, commands = (
+        np.array([parse(message).values for message in run.messages[topic]])
+        for parse, topic in ((parse_state, STATE), (parse_command, COMMAND))
+    )
+    return states[len(states) * 2 // 3 :], commands
+
+
+def test_integral_action_takes_the_loads_of_two_groups_away():
+    without, _ = run_with_load(integral_action=False)
+    states, _ = run_with_load(integral_action=True)
+
+    offset = np.abs(states.mean(axis=0))
+    assert np.all(offset < 0.3 * np.abs(without.mean(axis=0)))
+    assert np.linalg.norm(states, axis=1).max() < STRIPES.objective.tolerance
+
+
+def test_two_groups_regulate_at_the_limit_of_their_commands():
+    _, free = run_with_load(integral_action=True)
+    states, commands = run_with_load(integral_action=True, command_limit=[0.3])
+
+    assert np.abs(free).max() > 0.3
+    assert np.abs(commands).max() == 0.3
+    assert np.linalg.norm(states, axis=1).max() < STRIPES.objective.tolerance
 
 
 def test_the_loop_of_two_groups_runs_by_messages(design):

@@ -64,23 +64,29 @@ def _another_user(domain: int, folder: str) -> str | None:
     for lock in locks:
         port = re.fullmatch(r'fastrtps_port(\d+)_el', lock.name)
         if port and first <= int(port[1]) < first + _PORTS:
-            owner = _holder(lock)
-            if owner not in (None, os.geteuid()):
+            owner = _owner(lock)
+            if owner not in (None, os.geteuid()) and _is_held(lock):
                 return f'user {_user_name(owner)} has nodes in domain {domain} too'
     return None
 
 
-def _holder(lock: Path) -> int | None:
-    """Return the user of the process that holds a lock; None where there is none."""
+def _owner(lock: Path) -> int | None:
     try:
-        owner = lock.stat().st_uid
+        return lock.stat().st_uid
+    except OSError:
+        return None
+
+
+def _is_held(lock: Path) -> bool:
+    """Whether a process holds a lock, or may: it can't be tried."""
+    try:
         with lock.open('rb') as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):
-        return owner
+        return True
     except OSError:
-        return None
-    return None
+        return False
+    return False
 
 
 def _user_name(number: int | None) -> str:

@@ -23,6 +23,8 @@ _ALIKE = 0.98
 _RELAXATION_STEPS = 40
 _RELAXATION_RTOL = 3e-4
 _RELAXATION_WORK = 1e8
+# Vectors whose squares are below all numbers have a length that is.
+_LEAST_LENGTH = 1e-150
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +170,7 @@ def _relaxed_maximum(kernel: WeightedVectors, s: FloatArray) -> _Relaxed:
     bound = math.inf
     steps = int(_RELAXATION_WORK / (values.shape[0] * n * n))
     for _ in range(min(max(steps, 4), _RELAXATION_STEPS)):
-        a = np.sqrt(np.einsum('ij,ij->i', values @ s, values))
+        a = np.maximum(np.sqrt(np.einsum('ij,ij->i', values @ s, values)), _LEAST_LENGTH)
         moment = (values * (weights / a)[:, None]).T @ values
         found = math.sqrt(float(weights @ a) * np.linalg.eigvalsh(moment)[-1])
         if found > bound * (1 - _RELAXATION_RTOL):

@@ -15,6 +15,7 @@ from dvs_hinf_controller.analysis.tail_bounds import (
     lyapunov_bound,
     modal_bound,
 )
+from dvs_hinf_controller.state_space import lyapunov_solution
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +107,7 @@ class ContinuousFlow:
             outputs,
             states,
             rate,
-            solve=lambda q: scipy.linalg.solve_continuous_lyapunov(shifted.T, -q),
+            solve=lambda q: lyapunov_solution(shifted.T, -q),
             decrease=lambda p: -shifted.T @ p - p @ shifted,
         )
         return found if confirmed is None else [*found, confirmed]

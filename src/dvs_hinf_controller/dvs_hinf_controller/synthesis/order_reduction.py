@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
-from dvs_hinf_controller.state_space import state_response
+from dvs_hinf_controller.state_space import lyapunov_solution, state_response
 
 _JITTER = 1e-13
 
@@ -28,8 +27,8 @@ def reduced_controllers(model: PlantModel, controller: LinearController) -> list
     """
     g = state_response(model, controller)
     n = model.state_count
-    reach = scipy.linalg.solve_continuous_lyapunov(g.a, -g.b @ g.b.T)[n:, n:]
-    observe = scipy.linalg.solve_continuous_lyapunov(g.a.T, -g.c.T @ g.c)[n:, n:]
+    reach = lyapunov_solution(g.a, -g.b @ g.b.T)[n:, n:]
+    observe = lyapunov_solution(g.a.T, -g.c.T @ g.c)[n:, n:]
     left, right = _root(observe), _root(reach)
     u, values, vt = np.linalg.svd(left.T @ right)
     scale = 1 / np.sqrt(values)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
-import scipy.linalg
 from scipy.linalg import lapack
 
 from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.state_space import lyapunov_solution
 
 _AXIS_TOLERANCE = 1e-11
 _RESIDUAL_TOLERANCE = 1e-6
@@ -68,9 +67,7 @@ def _refined(
         modes = np.linalg.eigvals(closed)
         if np.max(modes.real) > -_AXIS_TOLERANCE * np.max(np.abs(modes)):
             break
-        with warnings.catch_warnings():  # nearly singular: the residual decides
-            warnings.simplefilter('ignore', RuntimeWarning)
-            step = scipy.linalg.solve_continuous_lyapunov(closed.T, -q - x @ s @ x)
+        step = lyapunov_solution(closed.T, -q - x @ s @ x)  # its residual decides
         step = (step + step.T) / 2
         improved = _residual(a, s, q, step)
         if not improved < residual:

@@ -1,0 +1,41 @@
+"""Packets that a controller gets at its start, of which the last one alone waits for an answer."""
+
+from __future__ import annotations
+
+import math
+
+# Packets of a backlog follow each other faster; a partner that waits for a command is silent.
+_QUIET_S = 0.005
+# A sensor that waits for nobody is never silent.
+_LONGEST_S = 1.0
+
+
+class Backlog:
+    """Tells when what was sent before the start has been taken.
+
+    The middleware delivers packets of the past to a late controller of a lockstep loop. Answers to
+    them would carry stamps that a plant which has started again awaits as its own.
+    """
+
+    def __init__(self) -> None:
+        self._first_s = self._last_s = math.inf
+
+    def add(self, now_s: float) -> None:
+        """Note a packet.
+
+        Parameters
+        ----------
+        now_s
+            When it came, s.
+        """
+        self._first_s, self._last_s = min(self._first_s, now_s), now_s
+
+    def is_over(self, now_s: float) -> bool:
+        """Whether the last packet is one that waits for its answer; not before the first one.
+
+        Parameters
+        ----------
+        now_s
+            The time, s.
+        """
+        return now_s - self._last_s >= _QUIET_S or now_s - self._first_s >= _LONGEST_S

@@ -1,0 +1,23 @@
+"""When the packets of the past have been taken."""
+
+from dvs_hinf_controller.running.backlog import Backlog
+
+
+def test_a_backlog_is_over_when_no_packet_has_followed_the_last():
+    backlog = Backlog()
+    assert not backlog.is_over(100.0)
+    for number in range(400):
+        backlog.add(1 + 0.0004 * number)
+        assert not backlog.is_over(1 + 0.0004 * number)
+
+    assert not backlog.is_over(1.162)
+    assert backlog.is_over(1.17)
+
+
+def test_a_sensor_that_waits_for_nobody_is_answered_after_a_second():
+    backlog = Backlog()
+    for number in range(1000):
+        backlog.add(0.001 * number)
+
+    assert not backlog.is_over(0.999)
+    assert backlog.is_over(1.001)
