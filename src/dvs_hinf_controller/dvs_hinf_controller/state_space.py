@@ -152,7 +152,7 @@ def balanced(system: StateSpace) -> StateSpace:
 def lyapunov_solution(a: FloatArray, q: FloatArray) -> FloatArray:
     """X of ``a X + X a' = q``, without a warning where that is nearly singular.
 
-    Whoever uses it looks at what has become of X, or of what is made of it.
+    Its callers check what they make of X.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ def test_a_backlog_is_over_when_no_packet_has_followed_the_last():
     assert backlog.is_over(1.17)
 
 
-def test_a_sensor_that_waits_for_nobody_is_answered_after_a_second():
+def test_a_sensor_that_waits_for_no_command_is_answered_after_a_second():
     backlog = Backlog()
     for number in range(1000):
         backlog.add(0.001 * number)

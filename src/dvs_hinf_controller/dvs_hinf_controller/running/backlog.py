@@ -6,7 +6,7 @@ import math
 
 # Packets of a backlog follow each other faster; a partner that waits for a command is silent.
 _QUIET_S = 0.005
-# A sensor that waits for nobody is never silent.
+# A sensor that waits for no command is never silent.
 _LONGEST_S = 1.0
 
 
