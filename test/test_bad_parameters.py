@@ -34,7 +34,7 @@ CASES = [
     (('hinf_controller',), {'method': 'magic'}, 'method = magic: must be one of'),
     (('hinf_controller',), {'command_limit': '[1.0, 2.0]'}, 'command_limit'),
     (('plant_sim',), {'state_matrix': '[1, 0.5]'}, 'wants all numbers of a list alike'),
-    (('plant_sim',), {"duration": "long"}, "duration = 'long'"),
+    (('plant_sim',), {'duration': 'long'}, "duration = 'long'"),
     (PIXELS, {'event_threshold': '[]'}, 'event_threshold = []'),
 ]
 
