@@ -173,14 +173,21 @@ class HinfControllerNode(ManagedNode):
 
     def _catch_up(self, message: bytes, backlog: Backlog) -> None:
         """Take a packet that may be of the past."""
-        packet = parse_events(message)
-        report = self._controller.take(packet)
+        packet, report = self._learn(message)
         self._packets += 1
         self._note(report, packet)
         self._stamp_ns = packet.stamp_ns
-        backlog.add(time.monotonic())
-        if backlog.is_over(time.monotonic()):
+        now_s = time.monotonic()
+        backlog.add(now_s)
+        if backlog.is_over(now_s):
             self._answer_last()
+
+    def _learn(self, message: bytes) -> tuple[EventPacket, PacketReport]:
+        packet = parse_events(message)
+        report = self._controller.take(packet)
+        if report.restarted:
+            self._command_publisher.forget()
+        return packet, report
 
     def _answer_last(self) -> None:
         self._backlog = None
@@ -196,10 +203,7 @@ class HinfControllerNode(ManagedNode):
             # An empty packet brings nothing but time.
             self._controller.take(packet)
         else:
-            packet = parse_events(message)
-            report = self._controller.take(packet)
-            if report.restarted:
-                self._command_publisher.forget()
+            packet, report = self._learn(message)
             self._publish_command(packet.stamp_ns, self._controller.command)
         self._publish_estimate(packet.stamp_ns)
         self._packets += 1
