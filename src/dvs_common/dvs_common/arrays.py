@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from dvs_common.errors import ParameterError
 
 FloatArray = NDArray[np.float64]
+# Numbers up to which Python's floats are cheaper than arrays.
+FEW_FLOATS = 32
 
 
 def finite_array(name: str, value: ArrayLike, *, ndim: int) -> FloatArray:

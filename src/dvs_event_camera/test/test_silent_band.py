@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dvs_common.arrays import FEW_FLOATS
 from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor
 from dvs_event_camera.pixels.pixel_array import PixelArray
-from dvs_event_camera.pixels.silent_band import LARGEST_ARRAY, SilentBand
+from dvs_event_camera.pixels.silent_band import SilentBand
 
 MS = 1_000_000
 SMALL = 3
@@ -22,7 +23,7 @@ frames = st.lists(
 @given(frames, st.floats(0.01, 0.3), st.sampled_from([0.0, 0.9]), st.integers(0, 19))
 @settings(max_examples=100, deadline=None)
 def test_a_small_array_fires_as_the_same_pixels_of_a_large_one_do(frames, h, floor, change_at):
-    copies = LARGEST_ARRAY // SMALL + 1
+    copies = FEW_FLOATS // SMALL + 1
     receptor = LogPhotoreceptor(log_floor=floor)
     small, large = (PixelArray(event_threshold=h, photoreceptor=receptor) for _ in range(2))
     small.update(0, np.ones(SMALL))

@@ -12,14 +12,12 @@ import struct
 
 import numpy as np
 
-from dvs_common.arrays import FloatArray
+from dvs_common.arrays import FEW_FLOATS, FloatArray
 from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.wire.messages import Vector, pack_command, pack_image
 from dvs_plant_sim.plant import Plant
 
 LARGEST_INPUT = 1e100
-# Pixels up to which Python's floats are cheaper than arrays.
-_FEW_PIXELS = 32
 _DOUBLE = 8
 
 
@@ -75,7 +73,7 @@ class SmallStep:
         scene
             What the pixels see.
         """
-        few = scene.pixel_count <= _FEW_PIXELS
+        few = scene.pixel_count <= FEW_FLOATS
         plain = scene.groups is None and scene.profile is None
         return few and plain and model.input_count == 1
 

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dvs_common.arrays import FloatArray
+from dvs_common.arrays import FEW_FLOATS, FloatArray
 from dvs_event_camera.pixels.comparators import NumpyComparator
 from dvs_event_camera.pixels.engine import NumpyPixels, PixelEngine
 from dvs_event_camera.pixels.photoreceptor import LogPhotoreceptor, Photoreceptor
 
-# Pixels up to which plain comparisons are cheaper than NumPy's.
-LARGEST_ARRAY = 32
 # Keeps the band away from the thresholds by far more than a logarithm is rounded.
 _MARGIN = 1e-9
 
@@ -81,6 +79,6 @@ def silent_band_of(
         and type(engine.comparator) is NumpyComparator
         and isinstance(receptor, LogPhotoreceptor)
     )
-    if not is_ideal or reference_levels.size > LARGEST_ARRAY:
+    if not is_ideal or reference_levels.size > FEW_FLOATS:
         return None
     return SilentBand(reference_levels, step)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.arrays import FEW_FLOATS
 from dvs_common.wire.cdr import CdrReader, MessageError
 from dvs_common.wire.messages import ImageHead, image_head
 from dvs_common.wire.stamped import Memo, stamp_of
@@ -18,8 +19,6 @@ from dvs_event_camera.streams.encodings import Encoding, encoding_named, luma
 
 # An integer says no more than "less than half a grey level" where it says 0.
 _DARKEST_INTEGER = 0.5
-# Pixels of an image up to which Python's floats are cheaper than arrays.
-_FEW_PIXELS = 32
 # Coordinates of an event are 16 bits wide.
 _LARGEST_SIDE = 65536
 
@@ -170,7 +169,7 @@ def _reading_of(head: ImageHead) -> _Reading:
         width=form.width,
         row_bytes=form.step,
         used_bytes=used_bytes,
-        few=few if packed and count <= _FEW_PIXELS else None,
+        few=few if packed and count <= FEW_FLOATS else None,
     )
 
 
