@@ -65,7 +65,7 @@ def _another_user(domain: int, folder: str) -> str | None:
         port = re.fullmatch(r'fastrtps_port(\d+)_el', lock.name)
         if port and first <= int(port[1]) < first + _PORTS:
             owner = _owner(lock)
-            if owner not in (None, os.geteuid()) and _is_held(lock):
+            if owner is not None and owner != os.geteuid() and _is_held(lock):
                 return f'user {_user_name(owner)} has nodes in domain {domain} too'
     return None
 
@@ -89,9 +89,9 @@ def _is_held(lock: Path) -> bool:
     return False
 
 
-def _user_name(number: int | None) -> str:
+def _user_name(number: int) -> str:
     try:
-        return pwd.getpwuid(number or 0).pw_name
+        return pwd.getpwuid(number).pw_name
     except KeyError:
         return str(number)
 
