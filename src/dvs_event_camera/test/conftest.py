@@ -1,4 +1,4 @@
-"""A graph of real processes over real DDS, each test in a domain of its own."""
+"""A graph of real processes over real DDS, each test in a domain of its own; a recording."""
 
 import contextlib
 import os
@@ -8,6 +8,8 @@ import sys
 import time
 
 import pytest
+from recording_files import EDGES, raw_file
+from sensor_encoders import evt2_words, some_events
 
 _PATIENCE_S = 30.0
 _STUB = (
@@ -120,3 +122,15 @@ def graph(domain):
     """Graph in a domain of its own."""
     with contextlib.closing(Graph(domain)) as made:
         yield made
+
+
+@pytest.fixture
+def events():
+    return some_events(3000, width=640, height=480)
+
+
+@pytest.fixture
+def raw(events, tmp_path):
+    """A recording with triggers in whole microseconds."""
+    words = evt2_words(events, EDGES)
+    return raw_file(tmp_path / 'in.raw', '% evt 2.0\n% geometry 640x480\n% end\n', words)
