@@ -26,6 +26,7 @@ sys.dont_write_bytecode = False
 # Under nohup SIGHUP is ignored, in the background of a script SIGINT; programs leave that so.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Domains above 101 meet the ephemeral ports of Linux.
 _DOMAINS = 101
 _TURNS = itertools.count(os.getpid() * 13)
@@ -57,6 +58,15 @@ def _turn(item: pytest.Function) -> int:
     if item.originalname in _LONGEST:
         return _LONGEST.index(item.originalname) - len(_LONGEST)
     return int(not _OF_PROCESSES.intersection(item.fixturenames))
+
+
+@pytest.fixture(autouse=True)
+def handlers_of_signals() -> Iterator[None]:
+    """Put the handlers of signals back: a session of ROS leaves its own to the program's end."""
+    before = {number: signal.getsignal(number) for number in _ENDING}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope='module')
