@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import PointCloud2
 
 from dvs_common import event_times_ns, parse_events
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.index_watch import IndexWatch
 
 
@@ -63,7 +64,7 @@ def main() -> None:
         if options.away and now > back_until:
             time.sleep(options.away)
             back_until = time.monotonic() + 1.0
-    span_s = 1e-9 * (listener.span_ns[-1] - listener.span_ns[0]) if listener.span_ns else 0.0
+    span_s = as_seconds(listener.span_ns[-1] - listener.span_ns[0]) if listener.span_ns else 0.0
     print(
         f'depth {options.depth}, away {options.away:g} s: {listener.packets} packets, '
         f'{listener.watch.events} events in {span_s:.3f} s, {listener.watch.lost} missed in '

@@ -18,6 +18,7 @@ import numpy as np
 from bench_loop import THREE_PROCESSES, loop_output
 from numpy.typing import NDArray
 
+from dvs_common.nanoseconds import as_seconds
 from dvs_common.wire.events import pack_events, parse_events
 from dvs_common.wire.messages import Vector, pack_command
 from dvs_common.wire.stamped import stamp_of
@@ -157,10 +158,10 @@ def loop_latencies(
     stamps = stamps[len(stamps) // 4 :]
     luminosity, events, command = seen['luminosity'], seen['events'], seen['command']
     table = np.array([[s, luminosity[s], events[s], command[s]] for s in stamps])
-    differences = np.diff(table, axis=1) * 1e-9
+    differences = as_seconds(np.diff(table, axis=1))
     stages = ('plant_and_transport', 'camera_and_transport', 'controller_and_transport')
     return {
-        'all': (table[:, 3] - table[:, 0]) * 1e-9,
+        'all': as_seconds(table[:, 3] - table[:, 0]),
         **{stage: differences[:, i] for i, stage in enumerate(stages)},
     }
 

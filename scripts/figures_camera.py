@@ -9,6 +9,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from dvs_common.nanoseconds import as_seconds
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.photoreceptor import SignedLogPhotoreceptor
 from dvs_event_camera.pixels.pixel_array import PixelArray
@@ -34,7 +35,7 @@ def run(array: PixelArray, stamps: np.ndarray, frames: np.ndarray) -> PixelEvent
 
 def staircase(events: PixelEvents, end_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Sum of polarities over time, as the corners of a staircase."""
-    t = np.r_[0.0, events.t * 1e-9, end_s]
+    t = np.r_[0.0, as_seconds(events.t), end_s]
     total = np.r_[0, np.cumsum(events.polarity)]
     return np.repeat(t, 2)[1:-1], np.repeat(total, 2)
 
@@ -43,12 +44,14 @@ def draw_pixel(folder: Path) -> None:
     """A pixel, its reference and its events."""
     h = 0.25
     stamps = np.arange(0, 1001) * MS
-    level = 0.9 * np.sin(2 * np.pi * stamps * 1e-9) + 0.25 * np.sin(6 * np.pi * stamps * 1e-9)
+    level = 0.9 * np.sin(2 * np.pi * as_seconds(stamps)) + 0.25 * np.sin(
+        6 * np.pi * as_seconds(stamps)
+    )
     events = run(PixelArray(event_threshold=h), stamps, np.exp(level)[:, None])
     figure, (top, bottom) = plt.subplots(
         2, 1, sharex=True, figsize=(7.5, 4.2), height_ratios=(4, 1), layout='constrained'
     )
-    seconds = stamps * 1e-9
+    seconds = as_seconds(stamps)
     t, total = staircase(events, 1.0)
     top.fill_between(t, (total - 1) * h, (total + 1) * h, color=BLUE, alpha=0.15, lw=0)
     top.plot(t, total * h, color=BLUE, label='reference, ln q/q(0) = N h')
@@ -60,7 +63,7 @@ def draw_pixel(folder: Path) -> None:
     top.legend(loc='lower left', frameon=False)
     on = events.polarity > 0
     for chosen, colour, side, label in ((on, ORANGE, 1, 'ON'), (~on, BLUE, -1, 'OFF')):
-        bottom.vlines(events.t[chosen] * 1e-9, 0, side, color=colour, label=label)
+        bottom.vlines(as_seconds(events.t[chosen]), 0, side, color=colour, label=label)
     bottom.axhline(0, color=BLACK, lw=0.8)
     bottom.set_yticks([-1, 1], ['OFF', 'ON'])
     bottom.set_xlabel('time [s]')
@@ -73,11 +76,11 @@ def stamp_error(period_ns: int, interpolation: str) -> float:
     """Worst error of a stamp, s, with a luminosity that settles in 50 ms."""
     tau, h = 0.05, 0.1
     stamps = np.arange(0, 250 * MS, period_ns)
-    y = 1.0 - 0.8 * np.exp(-stamps * 1e-9 / tau)
+    y = 1.0 - 0.8 * np.exp(-as_seconds(stamps) / tau)
     events = run(PixelArray(event_threshold=h, interpolation=interpolation), stamps, y[:, None])
-    found = events.t * 1e-9
+    found = as_seconds(events.t)
     true = -tau * np.log((1 - 0.2 * np.exp(h * np.arange(1, found.size + 1))) / 0.8)
-    late = true > 4 * period_ns * 1e-9
+    late = true > 4 * as_seconds(period_ns)
     return float(np.abs(found - true)[late].max())
 
 
@@ -87,9 +90,11 @@ def draw_stamp_errors(folder: Path) -> None:
     figure, axes = plt.subplots(figsize=(6.0, 3.8), layout='constrained')
     for kind, colour, marker in (('linear_log', BLUE, 'o'), ('hermite', ORANGE, 's')):
         errors = [stamp_error(int(period), kind) for period in periods]
-        axes.loglog(1e9 / periods, errors, marker=marker, color=colour, label=kind)
+        axes.loglog(1 / as_seconds(periods), errors, marker=marker, color=colour, label=kind)
     axes.axhline(1e-9, color=BLACK, ls=':', lw=1)
-    axes.annotate('one nanosecond: the stamp itself', (1e9 / periods[0], 1.2e-9), fontsize=9)
+    axes.annotate(
+        'one nanosecond: the stamp itself', (1 / as_seconds(periods)[0], 1.2e-9), fontsize=9
+    )
     axes.set_xlabel('sampling rate [Hz]')
     axes.set_ylabel('worst error of a stamp [s]')
     axes.grid(alpha=0.3, which='both')
@@ -103,18 +108,18 @@ def draw_signed(folder: Path) -> None:
     h, band = 0.4, 0.05
     receptor = SignedLogPhotoreceptor(dead_band=band)
     stamps = np.arange(0, 1001, 5) * MS
-    y = 0.9 * np.cos(np.pi * stamps * 1e-9)
+    y = 0.9 * np.cos(np.pi * as_seconds(stamps))
     array = PixelArray(event_threshold=h, photoreceptor=receptor)
     events = run(array, stamps, y[:, None])
     figure, axes = plt.subplots(figsize=(7.5, 3.8), layout='constrained')
     axes.axhspan(-band, band, color=GREEN, alpha=0.2, lw=0, label='silent band, |y| < d')
-    t = np.r_[0.0, events.t * 1e-9, 1.0]
+    t = np.r_[0.0, as_seconds(events.t), 1.0]
     reference = np.r_[1, events.sign] * 0.9 * np.exp(h * np.r_[0, np.cumsum(events.polarity)])
     axes.step(
         t, np.r_[reference, reference[-1]], where='post', color=BLUE, label='reference s |q|'
     )
-    axes.plot(stamps * 1e-9, y, color=BLACK, label='luminosity y')
-    flip = events.t[np.flatnonzero(np.diff(events.sign))[0]] * 1e-9
+    axes.plot(as_seconds(stamps), y, color=BLACK, label='luminosity y')
+    flip = as_seconds(events.t[np.flatnonzero(np.diff(events.sign))[0]])
     axes.annotate(
         'OFF (old sign), ON (new sign):\nthe reference changes sides',
         (flip, -band),
@@ -133,7 +138,7 @@ def draw_imperfections(folder: Path) -> None:
     """Sum of polarities under one imperfection at a time."""
     h = 0.15
     stamps = np.arange(0, 1001) * MS
-    seconds = stamps * 1e-9
+    seconds = as_seconds(stamps)
     level = 1.2 * (1 - np.cos(2 * np.pi * seconds)) / 2
     cases = {
         'ideal': Imperfections(),

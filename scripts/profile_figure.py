@@ -14,6 +14,7 @@ from PIL import Image
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_simulation import plotting
+from dvs_simulation.judging.measures import error
 from dvs_simulation.judging.trace import Trace, decode_trace
 from dvs_simulation.sampled.sampled_loop import run_sampled
 
@@ -64,7 +65,7 @@ def _draw_profile(axes: Any, scenario: Scenario, trace: Trace) -> None:
 
 
 def _draw_error(axes: Any, scenario: Scenario, trace: Trace) -> None:
-    errors = np.linalg.norm(trace.states - scenario.equilibrium.state, axis=1)
+    errors = error(trace.states, scenario.equilibrium, scenario.error_weights)
     axes.plot(trace.times_s, errors, label='||x - x_d||')
     plotting.draw_tolerance(axes, scenario.objective.tolerance)
     axes.set(xlabel='t [s]', ylim=(0, None))

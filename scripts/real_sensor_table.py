@@ -16,6 +16,7 @@ from checkout import ROOT
 from matplotlib.figure import Figure
 
 from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_simulation.judging.measures import regulated
 from dvs_simulation.sampled.real_sensor import LossyRun, worst_error
 
 THRESHOLDS = np.arange(0.02, 0.261, 0.02)
@@ -45,7 +46,7 @@ def errors(scenario: Scenario, run: LossyRun, thresholds: list[float]) -> list[f
     found: list[float] = []
     for h in thresholds:
         found.append(worst_error(scenario.replace(event_threshold=h), run))
-        if found[-1] >= scenario.objective.tolerance:
+        if not regulated(found[-1], scenario.objective.tolerance):
             break
     return found
 
@@ -68,7 +69,7 @@ def main() -> None:
         row = []
         for estimator, others in ESTIMATORS.items():
             worst = errors(scenario.replace(**changes, **others), run, thresholds.tolist())
-            held = sum(error < scenario.objective.tolerance for error in worst)
+            held = sum(regulated(error, scenario.objective.tolerance) for error in worst)
             row.append(f'{thresholds[held - 1]:.2f}' if held else 'none')
             axes.semilogy(thresholds[: len(worst)], np.minimum(worst, 0.5), 'o-', label=estimator)
         print(f'| {plant} | {" | ".join(row)} |', flush=True)

@@ -15,6 +15,7 @@ from loop_support import CONFIG, operating, ros_arguments, start, stop_all
 from sensor_msgs.msg import Image, JointState
 
 from dvs_common.scenario.scenario import load_scenario
+from dvs_simulation.judging.measures import error, regulated
 
 NODES = ('event_camera', 'hinf_controller', 'plant_sim')
 PARAMETERS = {'duration': 0.0, 'event_threshold': 0.1}
@@ -87,9 +88,8 @@ class Rounds:
     def is_inside(self):
         if len(self.states) < SETTLED[self.mode] + WINDOW:
             return False
-        point = self.scenario.equilibrium.state
-        errors = np.linalg.norm(np.array(self.states[-WINDOW:]) - point, axis=1)
-        return bool(errors.max() < self.scenario['tolerance'])
+        errors = error(np.array(self.states[-WINDOW:]), self.scenario.equilibrium)
+        return regulated(errors.max(), self.scenario['tolerance'])
 
     def has_named_an_error(self):
         return any(level == ERROR and message for level, message, _ in self.health.values())

@@ -14,6 +14,7 @@ from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.running.event_controller import EventController
 from dvs_hinf_controller.running.reference_state import Synchrony
+from dvs_simulation.judging.measures import kept, sector_ratio
 
 SCENARIO = Scenario.from_values({})
 DESIGN = design_from_scenario(SCENARIO)
@@ -49,8 +50,8 @@ def test_the_estimate_stays_in_its_sector_and_a_late_one_finds_it(thresholds, st
             event_threshold=controller.event_threshold,
             log_base=SCENARIO['log_base'],
         ).error_bound
-        ratio = np.abs(controller.estimate - y) / (bound * y)
-        assert ratio.max() <= 1 + 1e-9
+        ratios = sector_ratio(y, controller.estimate, error_bound=bound, dead_band=0.0)
+        assert kept(ratios).all()
 
     late = EventController(
         DESIGN.problem,

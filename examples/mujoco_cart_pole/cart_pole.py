@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from dvs_common.arrays import FloatArray
+from dvs_common.nanoseconds import as_nanoseconds, as_seconds
 
 MODEL = Path(__file__).with_name('cart_pole.xml')
 # Height of the ceiling over the pivot, m; brightness over the origin, and its slope, 1/m.
@@ -28,7 +29,7 @@ class CartPole:
     def __init__(self, initial_state: FloatArray) -> None:
         self._model = mujoco.MjModel.from_xml_path(str(MODEL))
         self._data = mujoco.MjData(self._model)
-        self._step_ns = round(self._model.opt.timestep * 1e9)
+        self._step_ns = as_nanoseconds(self._model.opt.timestep)
         self.state = np.array(initial_state, dtype=float)
 
     @property
@@ -46,9 +47,9 @@ class CartPole:
         steps, rest_ns = divmod(duration_ns, self._step_ns)
         mujoco.mj_step(self._model, self._data, nstep=steps)
         if rest_ns:
-            self._model.opt.timestep = rest_ns * 1e-9
+            self._model.opt.timestep = as_seconds(rest_ns)
             mujoco.mj_step(self._model, self._data)
-            self._model.opt.timestep = self._step_ns * 1e-9
+            self._model.opt.timestep = as_seconds(self._step_ns)
 
     def rates(self, state: FloatArray, command: FloatArray) -> FloatArray:
         """xdot of a state and a force."""

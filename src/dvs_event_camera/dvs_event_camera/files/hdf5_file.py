@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.recording import (
     STRETCH_EVENTS,
@@ -149,7 +150,7 @@ def _dsec_slice(file: Any, part: slice) -> SensorEvents:
 
 def _event_utils_slice(file: Any, part: slice) -> SensorEvents:
     group = file['events']
-    t = np.rint(group['ts'][part].astype(np.float64) * 1e9).astype(np.int64)
+    t = np.rint(group['ts'][part].astype(np.float64) * NANOSECONDS).astype(np.int64)
     return _columns(t, group['xs'][part], group['ys'][part], group['ps'][part])
 
 

@@ -15,6 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_event_camera.files.event_array import EVENT_ARRAY, event_array_from_ros1
 from dvs_event_camera.files.mcap_scan import ScannedMessage
 
@@ -110,7 +111,7 @@ class _Scan:
                 yield ScannedMessage(
                     topic=topic,
                     type_name=type_name,
-                    received_ns=seconds * 10**9 + nanoseconds,
+                    received_ns=seconds * NANOSECONDS + nanoseconds,
                     data=self.types.cdr(data, type_name),
                 )
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_event_camera.files.damage import DamagedFile
 from dvs_event_camera.files.recording import Recording, Stretch, are_pixel_numbers, stretch_of
 from dvs_event_camera.files.trigger_file import read_triggers
@@ -99,7 +100,7 @@ def _table_of(path: Path, file: IO[bytes]) -> _Table:
         rule = f'has {len(fields)} columns in its first row, not {" ".join(names)}'
         raise ParameterError('file', path, rule)
     in_seconds = '.' in fields[names.index('t')] or 'e' in fields[names.index('t')]
-    units = 10**9 if in_seconds else 1 if names[:4] == _OURS else 1000
+    units = NANOSECONDS if in_seconds else 1 if names[:4] == _OURS else 1000
     return _Table(columns=names, to_ns=units, data_at=at)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dvs_common.errors import ParameterError
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_event_camera.files.trigger_file import TriggerWriter
 from dvs_event_camera.files.writer_form import WriterForm
 from dvs_event_camera.streams.compiled import compiled
@@ -86,7 +87,7 @@ class RowWriter:
     def _formatted(self, events: SensorEvents) -> memoryview:
         if self._in_seconds and events.t.min() < 0:
             raise ParameterError('time', int(events.t.min()), 'must be >= 0 in a text file')
-        whole, rest = np.divmod(events.t, 10**9 if self._in_seconds else 1000)
+        whole, rest = np.divmod(events.t, NANOSECONDS if self._in_seconds else 1000)
         extra = {'noise': events.with_labels().noise, 'ns': rest}
         columns = [whole, *([rest] if self._in_seconds else []), events.x, events.y, events.p]
         columns += [np.asarray(extra[name]) for name in self._extra]

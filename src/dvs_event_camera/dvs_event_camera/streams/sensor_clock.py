@@ -13,8 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.nanoseconds import NANOSECONDS
+
 # The line is fitted to the quickest packet of each second of the last minute.
-_BUCKET_NS = 10**9
+_BUCKET_NS = NANOSECONDS
 _BUCKETS = 60
 # Crystals are better than this; before there are ten seconds, they are taken to agree.
 _MOST_DRIFT = 200e-6
@@ -22,7 +24,7 @@ _DRIFT_AFTER = 10
 # A correction changes the length of a second by this much at most.
 _SLEW = 0.02
 # A sensor that goes back by more has started again; a difference above it is no jitter.
-_RESTART_NS = 10**9
+_RESTART_NS = NANOSECONDS
 
 
 class SensorClock:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.wire.events import (
     EVENT_DTYPE,
     INDEX_MODULUS,
@@ -17,7 +18,7 @@ from dvs_event_camera.streams.sensor_events import SensorEvents
 # Time that a packet may cover: the sort key has 30 bits for it.
 _LONGEST_NS = 2**30 - 1
 # Time that goes back by more is a new start of the camera.
-_RESTART_NS = 10**9
+_RESTART_NS = NANOSECONDS
 
 
 class WireStream:

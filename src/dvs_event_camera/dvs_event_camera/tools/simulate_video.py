@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from dvs_common.errors import ParameterError
-from dvs_common.nanoseconds import as_seconds
+from dvs_common.nanoseconds import as_nanoseconds, as_seconds
 from dvs_common.output_folder import output_file
 from dvs_common.scenario.parameter_file import read_parameter_file
 from dvs_common.scenario.presets import PRESETS
@@ -251,7 +251,7 @@ class _Preview:
         if rate is None:
             span = as_seconds(footage.stamps_ns[-1] - footage.stamps_ns[0])
             rate = (len(footage.stamps_ns) - 1) / span if span else 1.0
-        return cls(options.preview, min(rate, 60.0), frame, round(1e9 / rate))
+        return cls(options.preview, min(rate, 60.0), frame, as_nanoseconds(1 / rate))
 
     def add(self, events: PixelEvents, stamp_ns: int) -> None:
         self._renderer.add(events, stamp_ns)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import Equilibrium
@@ -14,8 +14,8 @@ from dvs_common.scenario.scenario import Scenario
 
 # The limit superior is read from the last third of a run.
 _SETTLED = 2 / 3
-# Rounding of log, exp and the thresholds; the sector bound itself leaves no room.
-_SECTOR_ROUNDING = 1e-9
+# Rounding of log, exp and the thresholds; bounds themselves leave no room.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Judgement:
     @property
     def sector_held(self) -> bool:
         """Whether the bound of Lemma 4 held at every sample."""
-        return self.sector_ratio_max <= 1 + _SECTOR_ROUNDING
+        return bool(kept(self.sector_ratio_max))
 
     @property
     def passed(self) -> bool:
@@ -71,6 +71,17 @@ def regulated(limsup_error: float, tolerance: float) -> bool:
         eps.
     """
     return limsup_error < tolerance
+
+
+def kept(ratios: ArrayLike) -> NDArray[np.bool_]:
+    """Whether ratios of what came to its bound are at most 1, but for rounding; NaN is not.
+
+    Parameters
+    ----------
+    ratios
+        Of any shape: sector ratios, or errors over the error that was promised.
+    """
+    return np.asarray(ratios) <= 1 + _ROUNDING
 
 
 def settled_from(duration_s: float) -> float:
@@ -120,8 +131,21 @@ def error(
     weights
         Diagonal of W, shape (n,); None for all 1.
     """
-    missed = states - equilibrium.state
-    return np.asarray(np.linalg.norm(missed if weights is None else missed * weights, axis=-1))
+    return size_of(states - equilibrium.state, weights)
+
+
+def size_of(deviations: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+    """``||W x||`` of every deviation from the equilibrium, shape (k,).
+
+    Parameters
+    ----------
+    deviations
+        x - x_d, shape (k, n).
+    weights
+        Diagonal of W, shape (n,); None for all 1.
+    """
+    weighed = deviations if weights is None else deviations * weights
+    return np.asarray(np.linalg.norm(weighed, axis=-1))
 
 
 def output_error(

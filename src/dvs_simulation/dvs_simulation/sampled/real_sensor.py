@@ -15,6 +15,7 @@ from dvs_event_camera.streams.image_source import LuminosityFrame
 from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_plant_sim.plant import Plant
+from dvs_simulation.judging.measures import error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class LossyRun:
 
 
 def worst_error(scenario: Scenario, run: LossyRun, design: Design | None = None) -> float:
-    """Largest ``||x - x_d||`` once the loop has settled; infinite where the light goes out.
+    """Largest ``||W (x - x_d)||`` once the loop has settled; infinite where the light goes out.
 
     The cores of the nodes take turns; only the first packet is sure to arrive. The run ends where
     the error exceeds the tolerance tenfold.
@@ -61,7 +62,6 @@ def worst_error(scenario: Scenario, run: LossyRun, design: Design | None = None)
     frames = AnchorFrames.of_scenario(scenario)
     controller = event_controller(design, scenario)
     random = np.random.default_rng(run.seed)
-    target = scenario.equilibrium.state
     shape = scenario.pixels.pixel_grid
     model, scene = scenario.model, scenario.scene
     worst = 0.0
@@ -71,7 +71,7 @@ def worst_error(scenario: Scenario, run: LossyRun, design: Design | None = None)
         if not (y.min() > 0 and np.isfinite(y).all()):
             return math.inf
         if stamp_ns > as_nanoseconds(run.settled):
-            worst = max(worst, float(np.linalg.norm(state - target)))
+            worst = max(worst, float(error(state, scenario.equilibrium, scenario.error_weights)))
             if worst > 10 * scenario.objective.tolerance:
                 return worst
         exposure = camera.take(

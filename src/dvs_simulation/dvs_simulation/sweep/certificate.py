@@ -9,6 +9,7 @@ import numpy as np
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_simulation.exact import ClosedLoop, simulate
 from dvs_simulation.exact.trajectory import Trajectory
+from dvs_simulation.judging.measures import kept
 from dvs_simulation.sweep.random_loops import METHODS, RandomCase, random_case
 from dvs_simulation.sweep.study import Row, Study, Task
 
@@ -199,7 +200,7 @@ def summarize_certificate(rows: list[dict[str, str]]) -> CertificateSummary:
     return CertificateSummary(
         runs=len(completed),
         plants=len({row['seed'] for row in completed}),
-        violations=int(np.sum(~(ratios <= 1 + 1e-9))),
+        violations=int(np.sum(~kept(ratios))),
         tightest=float(ratios.max(initial=0.0)),
         dark=len(rows) - len(completed),
     )

@@ -20,6 +20,7 @@ from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis.methods import synthesis_method
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
+from dvs_simulation.judging.measures import kept, regulated, size_of
 from dvs_simulation.sampled.late_loop import TICKS, LateRun, run_late
 from dvs_simulation.sweep.adversary import Adversary, Freedom, in_error, largest_start
 from dvs_simulation.sweep.random_loops import lqg_controller, random_problem
@@ -307,9 +308,9 @@ def end_of(path: FloatArray, tolerance: float) -> End:
         eps.
     """
     fifth = len(path) // 5
-    sizes = np.linalg.norm(path[-2 * fifth :], axis=1)
+    sizes = size_of(path[-2 * fifth :])
     before, last = float(sizes[:fifth].max()), float(sizes[fifth:].max())
-    return End(limsup=last, settled=last <= tolerance or last >= _FALLING * before)
+    return End(limsup=last, settled=regulated(last, tolerance) or last >= _FALLING * before)
 
 
 def _settled(case: PromiseCase, freedom: Freedom) -> End:
@@ -368,7 +369,7 @@ def summarize_promise(rows: list[dict[str, str]]) -> PromiseSummary:
     return PromiseSummary(
         runs=int(lit.sum()),
         plants=len({row['seed'] for row, is_lit in zip(rows, lit, strict=True) if is_lit}),
-        violations=int(np.sum(ratios[settled] > 1 + 1e-9)),
+        violations=int(np.sum(~kept(ratios[settled]))),
         tightest=float(ratios[settled].max(initial=0.0)),
         dark=int(np.sum(~lit)),
         dark_in_spite=int(np.sum(promised)),
