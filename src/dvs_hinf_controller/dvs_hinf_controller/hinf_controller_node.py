@@ -33,8 +33,9 @@ from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import Design, DesignFigures, design_from_scenario
+from dvs_hinf_controller.design.design_warnings import RunningLoop, darkness_warnings
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
-from dvs_hinf_controller.design.start_up import darkness_warnings, start_up_report
+from dvs_hinf_controller.design.start_up import start_up_report
 from dvs_hinf_controller.running.backlog import Backlog
 from dvs_hinf_controller.running.event_controller import PacketReport
 from dvs_hinf_controller.running.look_ahead import ReadyAnswer
@@ -117,9 +118,8 @@ class HinfControllerNode(ManagedNode):
         self._certificate = LiveCertificate(self._design, self._scenario.uncertainty.pixel_mask)
         beginning = event_controller(self._design, self._scenario)
         report = start_up_report(
-            self._design,
-            event_threshold=self._scenario.sensor.event_threshold,
-            sampling_period=self._scenario.loop.sampling_period,
+            self._design.without_pixels(self._scenario.uncertainty.pixel_mask),
+            RunningLoop.of_scenario(self._scenario),
             budget=beginning.read_budget(self._design.figures.delta_certified),
         )
         self.get_logger().info(report.text)

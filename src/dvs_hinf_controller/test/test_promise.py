@@ -26,7 +26,7 @@ from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.design.certification import farthest_start, held_from
 from dvs_hinf_controller.design.design import as_json_object
 from dvs_hinf_controller.design.design_report import report_text
-from dvs_hinf_controller.design.start_up import design_warnings
+from dvs_hinf_controller.design.design_warnings import RunningLoop, design_warnings
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 
@@ -138,10 +138,11 @@ def test_a_sensor_in_error_costs_threshold_by_parts(mirror) -> None:
 
 @pytest.mark.parametrize('name', ['threshold_uncertainty', 'leak_uncertainty'])
 def test_a_drift_that_nothing_ends_is_not_covered_and_named(mirror, name) -> None:
-    design = design_from_scenario(mirror.replace(**{name: SENSOR[name]}))
+    drifting = mirror.replace(event_threshold=0.1, **{name: SENSOR[name]})
+    design = design_from_scenario(drifting)
     texts = (
         report_text([design], event_threshold=0.1),
-        ' '.join(design_warnings(design, event_threshold=0.1, sampling_period=1e-3)),
+        ' '.join(design_warnings(design, RunningLoop.of_scenario(drifting))),
         str(as_json_object(design)['costs']),
     )
 

@@ -90,7 +90,8 @@ class DesignFigures:
     closed_loop_abscissa
         Largest real part of a closed-loop pole, 1/s.
     max_sampling_period
-        Longest period at which the sampled loop is stable, s.
+        Longest period up to which the sampled loop is stable without latency and without any
+        error of the estimate, s. No promise of eps: that is h_certified, at `sampling_period`.
     seconds
         Time that the synthesis took, s.
     """
@@ -138,6 +139,17 @@ class Design:
     problem: DesignProblem
     controller: LinearController
     figures: DesignFigures
+
+    def without_pixels(self, masked: Sequence[int]) -> Design:
+        """The same design for the pixels that are used: those of its figures.
+
+        Parameters
+        ----------
+        masked
+            Row-major numbers of the others.
+        """
+        used = unmasked(self.problem.scene.pixel_count, masked)
+        return dataclasses.replace(self, problem=self.problem.of_pixels(used))
 
 
 def design_controller(
@@ -274,8 +286,9 @@ def save_design(design: Design, path: str | Path) -> None:
 def as_json_object(design: Design) -> dict[str, Any]:
     """Method and figures as a flat object; null stands for infinity.
 
-    `unlimited` names what is infinite: h_certified is, where any threshold will do. Where no
-    threshold is fine enough it is 0 or negative, a number that compares with those of others.
+    `unlimited` names what is infinite, and the parts whose cost leaves any threshold: h_certified
+    is, where any threshold will do. Where no threshold is fine enough it is 0 or negative, a
+    number that compares with those of others.
 
     Parameters
     ----------
@@ -284,8 +297,17 @@ def as_json_object(design: Design) -> dict[str, Any]:
     """
     figures = dataclasses.asdict(design.figures)
     unlimited = [name for name, value in figures.items() if value == math.inf]
-    figures = {name: 0.0 if value == -math.inf else value for name, value in figures.items()}
+    unlimited += [cost.part for cost in design.figures.costs if cost.threshold == math.inf]
+    figures = {name: _zero_for_none(value) for name, value in figures.items()}
+    figures['costs'] = [
+        {'part': cost.part, 'threshold': _zero_for_none(cost.threshold)}
+        for cost in design.figures.costs
+    ]
     return finite_or_null({'method': design.method, **figures, 'unlimited': unlimited})
+
+
+def _zero_for_none(value: Any) -> Any:
+    return 0.0 if value == -math.inf else value
 
 
 def measure(

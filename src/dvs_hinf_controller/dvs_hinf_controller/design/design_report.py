@@ -11,8 +11,9 @@ import numpy as np
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.margins import margins
 from dvs_hinf_controller.analysis.promise import Held
-from dvs_hinf_controller.design.certification import held_from
 from dvs_hinf_controller.design.design import Design, DesignFigures
+from dvs_hinf_controller.design.figure_words import finite_or_any, threshold_words
+from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.problem import DesignProblem
 
 # Less does not show in the digits that are printed.
@@ -62,50 +63,56 @@ def _cells(design: Design, event_threshold: float) -> dict[str, str]:
         '||Gw2(0)||': f'{figures.dc_gain_w2:.5g}',
         '||Gw1||_inf': f'{figures.hinf_gain_w1:.5g}',
         'delta* (published)': f'{figures.delta_star:.5g}',
-        'h* (published)': f'{figures.h_star:.5g}',
+        'h* (published)': threshold_words(figures.h_star),
         'small gain, delta* ||Gw1||_inf < 1': _word(figures.small_gain_ok),
         'peak gain w to ||x||, N_G': f'{figures.state_peak_gain:.5g}',
         "peak gain w to c'x, N_T": f'{figures.output_peak_gain:.5g}',
         **_cost_rows(figures),
         'delta certified': f'{figures.delta_certified:.5g}',
-        'h certified (guaranteed)': _threshold(figures.h_certified),
+        'h certified (guaranteed)': threshold_words(figures.h_certified),
         'h <= h*': _word(event_threshold <= figures.h_star),
         'h <= h certified': _word(event_threshold <= figures.h_certified),
         **_margin_rows(design),
         'controller order': f'{figures.controller_order}',
         'fastest controller pole [rad/s]': f'{figures.fastest_pole:.4g}',
         'slowest closed-loop pole [1/s]': f'{figures.closed_loop_abscissa:.4g}',
-        'longest stable sampling period [ms]': f'{figures.max_sampling_period * 1e3:.4g}',
+        'nominal loop stable up to a period of [ms]': finite_or_any(
+            figures.max_sampling_period * 1e3
+        ),
         'synthesis time [s]': f'{figures.seconds:.3f}',
     }
 
 
 def _cost_rows(figures: DesignFigures) -> dict[str, str]:
     """Threshold of the continuous loop, and what each further part of the promise costs."""
-    rows = {'h certified, continuous loop': _threshold(figures.h_certified_continuous)}
+    rows = {'h certified, continuous loop': threshold_words(figures.h_certified_continuous)}
     for before, after in pairwise(figures.costs):
         rows[f'  {after.part}'] = _cost(before.threshold, after.threshold)
     return rows
 
 
 def _cost(before: float, after: float) -> str:
+    if before <= 0 and after <= 0:
+        return '-'
+    if after <= 0:
+        return 'no promise is left'
     if abs(before - after) < _NO_COST or before == after:
         return 'costs nothing'
-    if not math.isfinite(before - after):
-        return 'no promise is left'
+    if before == math.inf:
+        return f'leaves {after:.4f}'
     return f'costs {before - after:.4f}' if before > after else f'gains {after - before:.4f}'
 
 
 def _margin_rows(design: Design) -> dict[str, str]:
-    if design.figures.state_peak_gain == 0:
-        return {'feedback': 'none: u is constant'}
     if design.problem.model.group_count > 1:
         return {'margins': 'of one mean only'}
+    if design.figures.state_peak_gain == 0:
+        return {'gain margin, factors': 'no feedback'}
     found = margins(design.problem.model, design.controller)
     return {
         'gain margin, factors': f'{found.gain_down:.3g} ... {found.gain_up:.3g}',
-        'phase margin [degrees]': f'{math.degrees(found.phase):.3g}',
-        'delay margin [ms]': f'{found.delay * 1e3:.3g}',
+        'phase margin [degrees]': finite_or_any(math.degrees(found.phase), 3),
+        'delay margin [ms]': finite_or_any(found.delay * 1e3, 3),
     }
 
 
@@ -125,20 +132,22 @@ def promise_text(
     """
     problem = design.problem
     limit = np.full(problem.model.input_count, np.inf) if command_limit is None else command_limit
-    held = held_from(problem, design.controller, event_threshold)
+    found = RunningBounds.of(design, event_threshold)
     lines = [
         f'{design.method}, h = {event_threshold:g}:',
-        f'  in the limit    {_held(held, problem)}, {_command(held, limit)}',
+        f'  in the limit    {_bounds(found.in_the_limit, problem, limit)}',
     ]
-    if problem.initial_state is not None:
-        start = problem.initial_state - problem.equilibrium.state
-        held = held_from(problem, design.controller, event_threshold, start=start)
-        lines.append(f'  from its start  {_held(held, problem)}, {_command(held, limit)}')
-        light = 'light stays on' if math.isfinite(held.error) else 'not proven that light stays on'
+    if found.from_its_start is not None:
+        lines.append(f'  from its start  {_bounds(found.from_its_start, problem, limit)}')
+        light = 'light stays on' if found.light_stays_on else 'not proven that light stays on'
         if problem.operation and math.isfinite(problem.operation.linearisation.reach):
             light += ', and the profile within its reach'
         lines.append(f'  transient       {light}')
     return '\n'.join(lines)
+
+
+def _bounds(held: Held, problem: DesignProblem, limit: FloatArray) -> str:
+    return f'{_held(held, problem)}, {_command(held, limit)}'
 
 
 def _held(held: Held, problem: DesignProblem) -> str:
@@ -156,12 +165,6 @@ def _command(held: Held, limit: FloatArray) -> str:
 
 def _bound(value: float) -> str:
     return f'{value:.4g}' if math.isfinite(value) else 'no bound'
-
-
-def _threshold(h: float) -> str:
-    if h == math.inf:
-        return 'any'
-    return f'{h:.5g}' if h > -math.inf else 'none'
 
 
 def _word(holds: bool) -> str:

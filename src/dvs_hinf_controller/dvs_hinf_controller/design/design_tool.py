@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import re
 import sys
@@ -15,6 +16,7 @@ from dvs_common.errors import ParameterError, SuiteError
 from dvs_common.output_folder import output_file
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario, load_scenario
+from dvs_hinf_controller.analysis.margins import margins
 from dvs_hinf_controller.design.bode_figure import save_bode_figure
 from dvs_hinf_controller.design.design import (
     Design,
@@ -22,9 +24,16 @@ from dvs_hinf_controller.design.design import (
     design_from_scenario,
     save_design,
 )
+from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_hinf_controller.design.design_report import promise_text, report_text
+from dvs_hinf_controller.design.design_warnings import (
+    RunningLoop,
+    darkness_warnings,
+    design_warnings,
+)
+from dvs_hinf_controller.design.figure_words import threshold_words
 from dvs_hinf_controller.design.pareto import pareto, save_pareto
-from dvs_hinf_controller.design.start_up import darkness_warnings, design_warnings
+from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
@@ -108,7 +117,9 @@ def _run(options: argparse.Namespace) -> None:
         _pareto(scenario, options.pareto)
         return
     designs = _compared(scenario) if options.compare else [design_from_scenario(scenario)]
-    _print(designs, scenario, as_json=options.json, as_list=options.compare)
+    masked = scenario.uncertainty.pixel_mask
+    used = [design.without_pixels(masked) for design in designs]
+    _print(used, scenario, as_json=options.json, as_list=options.compare)
     if options.figure:
         save_bode_figure(designs, options.figure)
         print(f'Bode figure: {options.figure}', file=sys.stderr)
@@ -124,8 +135,10 @@ def _pareto(scenario: Scenario, path: Path) -> None:
     print(f'{"parameter":<16} {"value":>10}  h_certified        h*')
     for point in pareto(scenario):
         points.append(point)
-        row = f'{point.parameter:<16} {point.value:>10.4g}  {point.h_certified:>11.5f}'
-        print(f'{row}  {point.h_star:>8.5f}', flush=True)
+        row = (
+            f'{point.parameter:<16} {point.value:>10.4g}  {threshold_words(point.h_certified):>11}'
+        )
+        print(f'{row}  {threshold_words(point.h_star):>8}', flush=True)
     picture = save_pareto(points, path)
     print(f'table: {path}, figure: {picture}', file=sys.stderr)
 
@@ -145,29 +158,55 @@ def _compared(scenario: Scenario) -> list[Design]:
 
 
 def _print(designs: Sequence[Design], scenario: Scenario, *, as_json: bool, as_list: bool) -> None:
+    h = scenario.sensor.event_threshold
+    warnings = _warnings(designs, scenario)
     if as_json:
-        objects = [as_json_object(design) for design in designs]
-        print(json.dumps(objects if as_list else objects[0], indent=1))
-        return
-    print(report_text(designs, event_threshold=scenario.sensor.event_threshold))
+        objects = [
+            {
+                **as_json_object(design),
+                'event_threshold': h,
+                **RunningBounds.of(design, h).as_json_object(),
+                'margins': _margins(design),
+                'warnings': warnings[design.method],
+            }
+            for design in designs
+        ]
+        print(json.dumps(objects if as_list else objects[0], indent=1, allow_nan=False))
+    else:
+        _print_text(designs, scenario)
+    for method, sentences in warnings.items():
+        for sentence in sentences:
+            print(f'warning: {method}: {sentence}', file=sys.stderr)
+
+
+def _margins(design: Design) -> dict[str, float | None] | None:
+    """Margins of the mean; None where there is no feedback, or more means than one."""
+    model = design.problem.model
+    if model.group_count > 1 or design.figures.state_peak_gain == 0:
+        return None
+    return finite_or_null(dataclasses.asdict(margins(model, design.controller)))
+
+
+def _warnings(designs: Sequence[Design], scenario: Scenario) -> dict[str, list[str]]:
+    loop, photoreceptor = RunningLoop.of_scenario(scenario), scenario.sensor.photoreceptor
+    return {
+        design.method: [
+            *darkness_warnings(design.problem, photoreceptor),
+            *design_warnings(design, loop),
+        ]
+        for design in designs
+    }
+
+
+def _print_text(designs: Sequence[Design], scenario: Scenario) -> None:
+    h = scenario.sensor.event_threshold
+    print(report_text(designs, event_threshold=h))
     for design in designs:
-        text = promise_text(
-            design, scenario.sensor.event_threshold, command_limit=scenario.command_limit
-        )
-        print('\n' + text)
+        print('\n' + promise_text(design, h, command_limit=scenario.command_limit))
     problem: DesignProblem = designs[0].problem
     if problem.equilibrium.residual > 0:
         point = ', '.join(f'{value:.6g}' for value in problem.equilibrium.state)
         print(f'\nset-point used: [{point}], the nearest that the plant can hold')
-    for warning in darkness_warnings(problem, scenario.sensor.photoreceptor):
-        print(f'warning: {warning}', file=sys.stderr)
-    for design in designs:
-        for warning in design_warnings(
-            design,
-            event_threshold=scenario.sensor.event_threshold,
-            sampling_period=scenario.loop.sampling_period,
-        ):
-            print(f'warning: {design.method}: {warning}', file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
