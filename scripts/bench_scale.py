@@ -116,7 +116,8 @@ def _listen(domain: int, rates: Queue[list[float]], seconds: float) -> None:
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
-    from rclpy.experimental import EventsExecutor
+
+    from dvs_common.node.session import ros_session
 
     found: list[float] = []
 
@@ -128,26 +129,24 @@ def _listen(domain: int, rates: Queue[list[float]], seconds: float) -> None:
             if pair.key == 'cycles/s'
         )
 
-    rclpy.init()
-    node = rclpy.create_node('listener')
-    node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
-    executor = EventsExecutor()
-    executor.add_node(node)
-    end = time.perf_counter() + _PATIENCE_S
-    # The first cycles load what was compiled.
-    while len(found) < 4 or not all(found[-2:]):
-        if time.perf_counter() > end:
-            break
-        executor.spin_once(timeout_sec=0.1)
-    rates.put(list(filter(None, found[-2:])))
-    found.clear()
-    end = time.perf_counter() + seconds
-    last = end + _PATIENCE_S / 2
-    while (now := time.perf_counter()) < end or (now < last and sum(found) < _LEAST_CYCLES):
-        executor.spin_once(timeout_sec=0.1)
-    rates.put(found or [0.0])
-    executor.shutdown()
-    rclpy.try_shutdown()
+    with ros_session() as session:
+        node = session.add(rclpy.create_node('listener'))
+        node.create_subscription(DiagnosticArray, '/diagnostics', note, 10)
+        end = time.perf_counter() + _PATIENCE_S
+        # The first cycles load what was compiled.
+        while len(found) < 4 or not all(found[-2:]):
+            if session.ended or time.perf_counter() > end:
+                break
+            session.turn()
+        rates.put(list(filter(None, found[-2:])))
+        found.clear()
+        end = time.perf_counter() + seconds
+        last = end + _PATIENCE_S / 2
+        while (now := time.perf_counter()) < end or (now < last and sum(found) < _LEAST_CYCLES):
+            if session.ended:
+                break
+            session.turn()
+        rates.put(found or [0.0])
 
 
 def side_by_side(count: int, seconds: float) -> float:

@@ -31,7 +31,21 @@ class StopSignal:
 
     def __init__(self) -> None:
         self.received = False
+        self._before = {number: signal.getsignal(number) for number in ENDING}
         _handle(self._receive)
+
+    def __enter__(self) -> StopSignal:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Put back the handlers of before: Ctrl-C interrupts a notebook or a test again.
+
+        Not in a program of the suite: a second signal must not interrupt what it does at its end.
+        """
+        for number, before in self._before.items():
+            if signal.getsignal(number) == self._receive and before not in (None, _interrupt):
+                signal.signal(number, before)
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
         self.received = True

@@ -1,6 +1,7 @@
 """ROS is entered in one way: what is set around it is checked before."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -14,6 +15,7 @@ from dvs_common.node.session import (
     require_domain,
     ros_session,
 )
+from dvs_common.program import ENDING
 
 
 @pytest.mark.parametrize('text', ['', ' 7 ', '0', '232', '0x10', '017', '+3'])
@@ -92,6 +94,41 @@ def test_a_session_ends_ros_even_after_an_error():
         assert not session.ended
 
 
+def test_after_a_session_signals_are_handled_as_before():
+    before = [signal.getsignal(number) for number in ENDING]
+    with ros_session() as session:
+        signal.raise_signal(signal.SIGINT)
+        assert session.ended
+
+    assert [signal.getsignal(number) for number in ENDING] == before
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_second_signal_does_not_interrupt_what_a_program_does_after_its_session(tmp_path):
+    program = tmp_path / 'late.py'
+    program.write_text(LATE)
+    run = 'from dvs_common.program import run_program; raise SystemExit(run_program("late"))'
+    found = subprocess.run(
+        [sys.executable, '-c', run], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+
+    assert (found.returncode, found.stdout, found.stderr) == (0, 'written\n', '')
+
+
+LATE = """
+import signal
+from dvs_common.node.session import ros_session
+
+def main():
+    with ros_session() as session:
+        signal.raise_signal(signal.SIGINT)
+        assert session.ended
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.raise_signal(number)
+    print('written')
+    return 0
+"""
 FIRST_LOG = """
 import os
 from rclpy.node import Node

@@ -18,9 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_common.scenario.model import PixelScene, PlantModel
-from dvs_common.scenario.reference_bounds import ReferenceBounds
-from dvs_hinf_controller.sector_means import SectorMeans, Sectors
+from dvs_hinf_controller.sector_means import SectorMeans, Sectors, SeenPixels
 
 # Pixels that are worked on at a time: they stay in the processor's cache.
 _BLOCK = 16_384
@@ -71,22 +69,14 @@ class ManyPixels:
 
     Parameters
     ----------
-    scene
-        Pixels and their groups.
-    model
-        What they see.
-    state
-        Set-point.
-    bounds
-        m and M of every pixel.
+    seen
+        Pixels at the set-point.
     """
 
-    def __init__(
-        self, scene: PixelScene, model: PlantModel, state: FloatArray, bounds: ReferenceBounds
-    ) -> None:
-        self._scene, self._bounds = scene, bounds
-        self._positions = (model.gradients @ state).tolist()
-        groups = range(model.group_count)
+    def __init__(self, seen: SeenPixels) -> None:
+        self._scene, self._bounds = seen.scene, seen.bounds
+        self._positions = (seen.model.gradients @ seen.state).tolist()
+        groups = range(seen.model.group_count)
         counts, totals, squares = (np.zeros(len(groups)) for _ in range(3))
         self.least, self._most = np.full(len(groups), math.inf), np.zeros(len(groups))
         ratios = np.array([[math.inf, 0.0]] * len(groups))
@@ -159,17 +149,7 @@ class ManyPixels:
     def sector_means(
         self, sectors: Sectors, *, slope_error: float = 0.0, unknown: float = 0.0
     ) -> SectorMeans:
-        """Means of the sectors; see `FewPixels.sector_means`.
-
-        Parameters
-        ----------
-        sectors
-            delta_i.
-        slope_error
-            e.
-        unknown
-            Constant error of every luminosity.
-        """
+        """Means of the sectors; see `FewPixels.sector_means`."""
         if sectors.own_widths:
             sums = np.zeros((2, self._counts.size))
             for one in self._classes:

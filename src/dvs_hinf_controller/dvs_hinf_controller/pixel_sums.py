@@ -7,10 +7,8 @@ import math
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_common.scenario.model import PixelScene, PlantModel
-from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_hinf_controller.many_pixels import ManyPixels
-from dvs_hinf_controller.sector_means import SectorMeans, Sectors
+from dvs_hinf_controller.sector_means import SectorMeans, Sectors, SeenPixels
 
 # Pixels up to which each is looked at.
 _FEW = 4096
@@ -21,14 +19,8 @@ class FewPixels:
 
     Parameters
     ----------
-    scene
-        Pixels and their groups.
-    model
-        What they see.
-    state
-        Set-point.
-    bounds
-        m and M of every pixel.
+    seen
+        Pixels at the set-point.
 
     Attributes
     ----------
@@ -46,11 +38,10 @@ class FewPixels:
         ``max w_i``.
     """
 
-    def __init__(
-        self, scene: PixelScene, model: PlantModel, state: FloatArray, bounds: ReferenceBounds
-    ) -> None:
-        self._groups, self._count = scene.groups, model.group_count
-        luminosity = scene.luminosity(model, state)
+    def __init__(self, seen: SeenPixels) -> None:
+        scene, bounds = seen.scene, seen.bounds
+        self._groups, self._count = scene.groups, seen.model.group_count
+        luminosity = scene.luminosity(seen.model, seen.state)
         self._levels = np.abs(luminosity)
         self._widths = 0.5 * np.log(bounds.upper / bounds.lower)
         self.rms = float(np.sqrt(np.mean(luminosity**2)))
@@ -113,21 +104,12 @@ class FewPixels:
 PixelSums = FewPixels | ManyPixels
 
 
-def pixel_sums(
-    scene: PixelScene, model: PlantModel, state: FloatArray, bounds: ReferenceBounds
-) -> PixelSums:
+def pixel_sums(seen: SeenPixels) -> PixelSums:
     """Sums over the pixels of a scene.
 
     Parameters
     ----------
-    scene
-        Pixels and their groups.
-    model
-        What they see.
-    state
-        Set-point.
-    bounds
-        m and M of every pixel.
+    seen
+        Pixels at the set-point.
     """
-    kind = FewPixels if scene.pixel_count <= _FEW else ManyPixels
-    return kind(scene, model, state, bounds)
+    return (FewPixels if seen.scene.pixel_count <= _FEW else ManyPixels)(seen)

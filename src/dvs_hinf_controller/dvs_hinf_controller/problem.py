@@ -16,6 +16,7 @@ from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.pixel_sums import PixelSums, pixel_sums
+from dvs_hinf_controller.sector_means import SeenPixels
 from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
@@ -234,7 +235,14 @@ class DesignProblem:
     def pixels(self) -> PixelSums:
         """Sums over the pixels, taken once."""
         if self._pixels is None:
-            sums = pixel_sums(self.scene, self.model, self.equilibrium.state, self.bounds)
+            sums = pixel_sums(
+                SeenPixels(
+                    scene=self.scene,
+                    model=self.model,
+                    state=self.equilibrium.state,
+                    bounds=self.bounds,
+                )
+            )
             object.__setattr__(self, '_pixels', sums)
             return sums
         return self._pixels

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 
 from dvs_common.arrays import FloatArray
+from dvs_common.scenario.model import PixelScene, PlantModel
+from dvs_common.scenario.reference_bounds import ReferenceBounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +35,28 @@ class Sectors:
             In [0, 1).
         """
         return cls(level=math.atanh(delta), own_widths=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SeenPixels:
+    """Pixels at the set-point, of which sums are taken.
+
+    Parameters
+    ----------
+    scene
+        Pixels and their groups.
+    model
+        What they see.
+    state
+        Set-point.
+    bounds
+        m and M of every pixel.
+    """
+
+    scene: PixelScene
+    model: PlantModel
+    state: FloatArray
+    bounds: ReferenceBounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

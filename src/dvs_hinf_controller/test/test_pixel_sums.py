@@ -16,7 +16,7 @@ from dvs_hinf_controller.design.design import measure
 from dvs_hinf_controller.many_pixels import ManyPixels
 from dvs_hinf_controller.pixel_sums import FewPixels
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.sector_means import Sectors
+from dvs_hinf_controller.sector_means import Sectors, SeenPixels
 from dvs_hinf_controller.synthesis.methods import METHODS
 from dvs_hinf_controller.synthesis.options import DesignOptions
 
@@ -37,8 +37,13 @@ def of_pixels(seed, count, *, spread):
 
 
 def both(problem):
-    arguments = (problem.scene, problem.model, problem.equilibrium.state, problem.bounds)
-    return FewPixels(*arguments), ManyPixels(*arguments)
+    seen = SeenPixels(
+        scene=problem.scene,
+        model=problem.model,
+        state=problem.equilibrium.state,
+        bounds=problem.bounds,
+    )
+    return FewPixels(seen), ManyPixels(seen)
 
 
 @given(

@@ -19,9 +19,9 @@ FILE = ROOT / 'config' / 'mirror_r1.yaml'
 
 @pytest.fixture(scope='module')
 def rows():
-    values = dict(load_scenario(FILE).replace(duration=6.0).values)
+    scenario = load_scenario(FILE).replace(duration=6.0)
     found = run_own_plant_task(
-        values=values, method='structured', thresholds=[0.1, 0.45], runs=3, seed=0
+        scenario=scenario, method='structured', thresholds=[0.1, 0.45], runs=3, seed=0
     )
     return [{key: str(value) for key, value in row.items()} for row in found]
 

@@ -138,28 +138,28 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
         If ROS_DOMAIN_ID is no domain, discovery is off, a switch of ROS's log is none, or ROS
         refuses the arguments or a node.
     """
-    stop = StopSignal()
-    domain = require_domain()
-    require_discovery()
-    require_switches_of_the_log()
-    leave_shared_memory_where_needed(domain)
-    _know_modules_by_file()
-    try:
-        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        raise _refused(arguments, error) from None
-    try:
-        session = RosSession(stop)
+    with StopSignal() as stop:
+        domain = require_domain()
+        require_discovery()
+        require_switches_of_the_log()
+        leave_shared_memory_where_needed(domain)
+        _know_modules_by_file()
         try:
-            yield session
+            rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
         except RuntimeError as error:
-            if 'error creating node' not in str(error):
-                raise
             raise _refused(arguments, error) from None
+        try:
+            session = RosSession(stop)
+            try:
+                yield session
+            except RuntimeError as error:
+                if 'error creating node' not in str(error):
+                    raise
+                raise _refused(arguments, error) from None
+            finally:
+                session.close()
         finally:
-            session.close()
-    finally:
-        rclpy.try_shutdown()
+            rclpy.try_shutdown()
 
 
 def require_domain() -> int:

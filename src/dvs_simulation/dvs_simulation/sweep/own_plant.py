@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -85,7 +84,6 @@ def own_plant_study(
     if scenario.loop.duration < _SHORTEST_S:
         raise ParameterError('duration', scenario.loop.duration, 'must be > 0 for this study')
     scenario.model.require_one_group('this study')
-    values = dict(scenario.values)
     tasks = []
     for method in METHODS:
         try:
@@ -99,7 +97,7 @@ def own_plant_study(
             continue
         thresholds = (3 * max(bounds) * np.arange(1, steps + 1) / steps).tolist()
         parameters = {
-            'values': values,
+            'scenario': scenario,
             'method': method,
             'thresholds': thresholds,
             'runs': runs,
@@ -108,7 +106,7 @@ def own_plant_study(
         tasks.append(Task(key=method, parameters=parameters, rows=2 * steps))
     if not tasks:
         raise ParameterError('params_file', 'scenario', 'has no method with a threshold to study')
-    digest = hashlib.sha256(repr(sorted(values.items())).encode()).hexdigest()[:16]
+    digest = hashlib.sha256(repr(sorted(scenario.values.items())).encode()).hexdigest()[:16]
     return Study(
         name=NAME,
         columns=COLUMNS,
@@ -119,14 +117,14 @@ def own_plant_study(
 
 
 def run_own_plant_task(
-    *, values: dict[str, Any], method: str, thresholds: list[float], runs: int, seed: int
+    *, scenario: Scenario, method: str, thresholds: list[float], runs: int, seed: int
 ) -> list[Row]:
     """Two rows a threshold: the worst of the random runs, and what the adversary made of it.
 
     Parameters
     ----------
-    values
-        Parameters of the scenario.
+    scenario
+        Sensor, plant and controller.
     method
         How the controller is found.
     thresholds
@@ -136,7 +134,7 @@ def run_own_plant_task(
     seed
         Seed of the runs.
     """
-    scenario = Scenario.from_values(values).replace(method=method)
+    scenario = scenario.replace(method=method)
     design = design_from_scenario(scenario)
     loop = ClosedLoop.from_scenario(scenario, design.controller)
     rows = []
