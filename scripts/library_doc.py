@@ -111,13 +111,13 @@ def signature(name: str, thing: Any) -> str:
     bare = [
         parameter.replace(annotation=inspect.Parameter.empty)
         for parameter in taken
-        if not parameter.name.startswith('_')
+        if parameter.name != 'self' and not parameter.name.startswith('_')
     ]
     return f'{name}{inspect.Signature(bare)}'
 
 
 def methods(thing: Any) -> Iterator[str]:
-    """Public methods and properties of a class, one line each.
+    """Public methods and properties of a class, each with what it takes and raises.
 
     Parameters
     ----------
@@ -127,9 +127,12 @@ def methods(thing: Any) -> Iterator[str]:
     for name, member in vars(thing).items():
         if name.startswith('_') or not isinstance(member, MEMBERS):
             continue
-        summary = (inspect.getdoc(member) or '').partition('\n\n')[0]
-        call = '' if isinstance(member, property) else '()'
-        yield f'- `.{name}{call}`: {markdown(" ".join(summary.split()))}'
+        text, sections = paragraphs(inspect.getdoc(member) or '')
+        call = name if isinstance(member, property) else signature(name, getattr(thing, name))
+        summary = ' '.join(text.partition('\n\n')[0].split())
+        yield f'- `.{call}`: {markdown(summary)}'
+        for title in ('Parameters', 'Returns', 'Raises'):
+            yield from (f'  {entry}' for entry in entries(sections.get(title, '')))
 
 
 def described(package: str, name: str) -> str:

@@ -38,7 +38,7 @@ Lists are flat, matrices row by row. ROS needs all numbers of a list alike: writ
 beside `0.5`, not `1`.
 
 Names that begin with `plant.` are those of a plant node other than `plant_sim`: that node alone
-knows and checks them.
+declares and checks them.
 
 *Live*: may be changed while the node is active (`ros2 param set`); the others while it is not, and
 hold from its next activation on; *never*: fixed when the node starts.

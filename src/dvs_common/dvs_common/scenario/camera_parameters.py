@@ -1,4 +1,4 @@
-"""What only the camera knows: its pixels in detail, their imperfections and its pictures."""
+"""What concerns the camera alone: its pixels in detail, their imperfections and its pictures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class CameraParameters(ParameterGroup):
 
     log_floor: float = parameter(
         0.0,
-        'With log, luminosity below which a pixel sees no difference; 0: y <= 0 is an error. '
+        'With log, luminosity below which a pixel makes no difference; 0: y <= 0 is an error. '
         'Integer images are floored at half a grey level in any case',
         nodes=(CAMERA,),
         unit='luminosity',
@@ -41,12 +41,12 @@ class CameraParameters(ParameterGroup):
     )
     label_noise: bool = parameter(
         False,
-        'Publish events_label: the events with a field that tells noise (1) from signal (0)',
+        'Publish events_label: the events with a field that marks noise (1) and signal (0)',
         nodes=(CAMERA,),
     )
     keyframe_period: float = parameter(
         1.0,
-        'Time of the samples between two keyframes, which tell the state of every pixel; 0: '
+        'Time of the samples between two keyframes, which hold the state of every pixel; 0: '
         'only at a start',
         nodes=(CAMERA,),
         unit='s',
@@ -142,7 +142,7 @@ class ImperfectionParameters(ParameterGroup):
     )
     refractory_period: float = parameter(
         0.0,
-        'Time after an event in which a pixel is silent; its reference waits, so that no '
+        'Time after an event in which a pixel fires no other; its reference waits, so that no '
         'polarity is lost',
         nodes=(CAMERA,),
         unit='s',

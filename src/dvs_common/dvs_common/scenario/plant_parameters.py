@@ -23,17 +23,20 @@ class PlantParameters(ParameterGroup):
         (1.0, 1.0),
         'Input matrix B, n x m, row-major (paper, eq. 1)',
         nodes=(PLANT, CONTROLLER),
+        unit='state/(input s)',
     )
     output_vector: tuple[float, ...] = parameter(
         (0.894427190999916, 0.447213595499958),
         'Output vector c, n entries: gradient of the brightness (paper, eq. 1); k x n, row-major, '
         'where pixel_groups names k groups',
         nodes=(PLANT, CONTROLLER),
+        unit='luminosity/state',
     )
     initial_state: tuple[float, ...] = parameter(
         (0.4821, 0.1572),
         'Initial state x0 in original coordinates, n entries (paper, section IV)',
         nodes=(PLANT, CONTROLLER),
+        unit='state',
     )
     plant_executable: str = parameter(
         'dvs_plant_sim/plant_sim',
@@ -51,18 +54,21 @@ class PixelParameters(ParameterGroup):
         'Pixel displacements dx, r x n, row-major over the array (paper, eq. 1); unused where '
         'there is a pixel_pitch',
         nodes=(PLANT, CONTROLLER),
+        unit='state',
     )
     pixel_pitch: tuple[float, ...] = parameter(
         (),
         'Displacement from a column to the next and from a row to the next, 2 x n, row-major: '
         'a regular grid in place of pixel_offsets',
         nodes=(PLANT, CONTROLLER),
+        unit='state',
     )
     pixel_origin: tuple[float, ...] = parameter(
         (),
         'Displacement of the centre of the grid of pixel_pitch, n entries (empty: 0); along c '
         'it is a brightness offset',
         nodes=(PLANT, CONTROLLER),
+        unit='state',
     )
     pixel_grid: tuple[int, ...] = parameter(
         (1, 3),
@@ -89,6 +95,7 @@ class ObjectiveParameters(ParameterGroup):
         'Set-point x_d, n entries (paper, eq. 2)',
         nodes=(PLANT, CONTROLLER),
         dynamic=True,
+        unit='state',
     )
     set_point_tolerance: float = parameter(
         0.001,
@@ -96,6 +103,7 @@ class ObjectiveParameters(ParameterGroup):
         'point is used',
         nodes=(PLANT, CONTROLLER),
         interval=NON_NEGATIVE,
+        unit='state/s',
     )
     tolerance: float = parameter(
         0.05,
@@ -103,6 +111,7 @@ class ObjectiveParameters(ParameterGroup):
         nodes=(PLANT, CONTROLLER),
         interval=POSITIVE,
         dynamic=True,
+        unit='state',
     )
     error_weights: tuple[float, ...] = parameter(
         (),

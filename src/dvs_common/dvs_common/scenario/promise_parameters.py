@@ -67,4 +67,5 @@ class PromiseParameters(ParameterGroup):
         (),
         'Their B, k x n x m, row-major; empty: B itself with every further A',
         nodes=(CONTROLLER,),
+        unit='state/(input s)',
     )

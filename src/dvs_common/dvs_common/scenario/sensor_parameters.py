@@ -67,7 +67,7 @@ class SensorParameters(ParameterGroup):
     )
     dead_band: float = parameter(
         0.0001,
-        'With signed_log, |y| below which a pixel is silent (paper, Remark 5)',
+        'With signed_log, |y| below which a pixel fires no event (paper, Remark 5)',
         nodes=NODES,
         unit='luminosity',
         interval=POSITIVE,

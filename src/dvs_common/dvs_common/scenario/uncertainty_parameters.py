@@ -30,7 +30,7 @@ class UncertaintyParameters(ParameterGroup):
     )
     latency_uncertainty: float = parameter(
         0.0,
-        'Longest time from what causes an event to its stamp; it widens what anchors tell, and '
+        'Longest time from what causes an event to its stamp; it widens what anchors prove, and '
         'the estimate is late by it',
         nodes=(CONTROLLER,),
         unit='s',
