@@ -26,13 +26,13 @@ scripts/run.sh .venv/bin/python -c 'from dvs_event_camera import EventCamera, Ev
 ```
 
 `scripts/setup.sh` puts it all on the path of `scripts/run.sh`. Without that, plain `pip` installs
-the cores, which need NumPy, SciPy, PyYAML and tqdm, and neither ROS nor colcon. Extras add what is
-optional, `numba` (compiled kernels), `plot` (figures), `sweep` (studies on Dask) and, on x86_64,
-`ros` (the nodes):
+any of the cores from its folder, and those that it needs from the folders beside it; they need
+NumPy, SciPy, PyYAML and tqdm, and neither ROS nor colcon. Extras add what is optional, `numba`
+(compiled kernels), `plot` (figures), `sweep` (studies on Dask) and, on x86_64, `ros` (the nodes):
 
 ```console
-$ pip install src/dvs_common src/dvs_plant_sim src/dvs_event_camera src/dvs_hinf_controller
-$ pip install 'src/dvs_simulation[numba,plot]'
+$ pip install src/dvs_event_camera               # with dvs_common
+$ pip install 'src/dvs_simulation[numba,plot]'   # with all cores; exact simulation and the paper
 ```
 
 Two notebooks use it: [an event camera](../examples/event_camera.ipynb), and

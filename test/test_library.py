@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -163,6 +164,16 @@ def test_all_modules_but_the_nodes_import_without_ros(installed):
     ]
 
 
+def test_a_core_names_the_folders_of_those_below_it_which_no_index_has(installed):
+    (metadata,) = installed.glob('dvs_simulation-*.dist-info/METADATA')
+    needs = re.findall(r'(?m)^Requires-Dist: (dvs[-\w]+) @ (\S+)$', metadata.read_text())
+
+    sources = installed.parent / 'src'
+    assert {name.replace('-', '_'): folder for name, folder in needs} == {
+        core: (sources / core).as_uri() for core in CORES if core != 'dvs_simulation'
+    }
+
+
 @pytest.mark.long
 def test_pip_alone_brings_everything_that_the_cores_need(tmp_path):
     for core in CORES:
@@ -170,7 +181,7 @@ def test_pip_alone_brings_everything_that_the_cores_need(tmp_path):
     subprocess.run([sys.executable, '-m', 'venv', tmp_path / 'venv'], check=True)
     interpreter = str(tmp_path / 'venv' / 'bin' / 'python')
     subprocess.run(
-        [interpreter, '-m', 'pip', 'install', '-q', *(tmp_path / core for core in CORES)],
+        [interpreter, '-m', 'pip', 'install', '-q', tmp_path / 'dvs_simulation'],
         check=True,
     )
     use = USE_EVERYTHING.format(cores=CORES, folder=str(tmp_path))

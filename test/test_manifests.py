@@ -126,6 +126,14 @@ def test_the_requirements_name_what_pypi_provides(tests: bool) -> None:
     assert {PYPI_NAMES.get(n, n).lower() for n in from_pypi} - required(*files) == set()
 
 
+class Named(ast.NodeTransformer):
+    """The name in place of `beside(name)`, which adds the folder of a package of ours."""
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        assert ast.unparse(node.func) == 'beside'
+        return node.args[0]
+
+
 def setup_arguments(package: Path) -> dict[str, object]:
     """What setup.py tells setuptools; its package.xml is read as at a build."""
     tree = ast.parse((package / 'setup.py').read_text(encoding='utf-8'))
@@ -135,7 +143,7 @@ def setup_arguments(package: Path) -> dict[str, object]:
         if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup'
     )
     return {
-        keyword.arg or '': ast.literal_eval(keyword.value)
+        keyword.arg or '': ast.literal_eval(Named().visit(keyword.value))
         for keyword in call.keywords
         if keyword.arg in ('install_requires', 'extras_require', 'entry_points')
     }

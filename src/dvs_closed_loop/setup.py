@@ -1,10 +1,18 @@
 from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_closed_loop'
 manifest = ElementTree.parse('package.xml')
+
+
+def beside(name):
+    """Requirement of a package in the folder beside this one, where it is; no index has it."""
+    folder = Path.cwd().parent / name
+    return f'{name} @ {folder.as_uri()}' if (folder / 'setup.py').is_file() else name
+
 
 setup(
     name=package_name,
@@ -23,11 +31,11 @@ setup(
     ],
     install_requires=[
         'aiohttp>=3.9',
-        'dvs_common',
-        'dvs_event_camera',
-        'dvs_hinf_controller',
-        'dvs_plant_sim',
-        'dvs_simulation',
+        beside('dvs_common'),
+        beside('dvs_event_camera'),
+        beside('dvs_hinf_controller'),
+        beside('dvs_plant_sim'),
+        beside('dvs_simulation'),
         'matplotlib>=3.6',
         'numpy>=1.26',
         'PyYAML>=6.0',

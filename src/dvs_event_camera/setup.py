@@ -1,10 +1,18 @@
 from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_event_camera'
 manifest = ElementTree.parse('package.xml')
+
+
+def beside(name):
+    """Requirement of a package in the folder beside this one, where it is; no index has it."""
+    folder = Path.cwd().parent / name
+    return f'{name} @ {folder.as_uri()}' if (folder / 'setup.py').is_file() else name
+
 
 setup(
     name=package_name,
@@ -16,7 +24,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
-    install_requires=['dvs_common', 'numpy>=1.26', 'tqdm>=4.64'],
+    install_requires=[beside('dvs_common'), 'numpy>=1.26', 'tqdm>=4.64'],
     extras_require={
         'bags': ['rosbags>=0.11', 'PyYAML>=6.0', 'evt3>=0.4.1', 'lz4>=4.0', 'zstandard>=0.18'],
         'files': ['aedat>=2.3', 'evt3>=0.4.1', 'h5py>=3.8', 'lz4>=4.0'],

@@ -1,10 +1,18 @@
 from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_hinf_controller'
 manifest = ElementTree.parse('package.xml')
+
+
+def beside(name):
+    """Requirement of a package in the folder beside this one, where it is; no index has it."""
+    folder = Path.cwd().parent / name
+    return f'{name} @ {folder.as_uri()}' if (folder / 'setup.py').is_file() else name
+
 
 setup(
     name=package_name,
@@ -16,7 +24,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
-    install_requires=['dvs_common', 'numpy>=1.26', 'scipy>=1.11'],
+    install_requires=[beside('dvs_common'), 'numpy>=1.26', 'scipy>=1.11'],
     extras_require={
         'control': ['control>=0.10'],
         'numba': ['numba>=0.59'],

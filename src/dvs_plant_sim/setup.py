@@ -1,10 +1,18 @@
 from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_plant_sim'
 manifest = ElementTree.parse('package.xml')
+
+
+def beside(name):
+    """Requirement of a package in the folder beside this one, where it is; no index has it."""
+    folder = Path.cwd().parent / name
+    return f'{name} @ {folder.as_uri()}' if (folder / 'setup.py').is_file() else name
+
 
 setup(
     name=package_name,
@@ -16,7 +24,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
-    install_requires=['dvs_common', 'numpy>=1.26', 'scipy>=1.11'],
+    install_requires=[beside('dvs_common'), 'numpy>=1.26', 'scipy>=1.11'],
     extras_require={
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
         'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3'],

@@ -1,9 +1,17 @@
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 package_name = 'dvs_simulation'
 manifest = ElementTree.parse('package.xml')
+
+
+def beside(name):
+    """Requirement of a package in the folder beside this one, where it is; no index has it."""
+    folder = Path.cwd().parent / name
+    return f'{name} @ {folder.as_uri()}' if (folder / 'setup.py').is_file() else name
+
 
 setup(
     name=package_name,
@@ -15,10 +23,10 @@ setup(
         (f'share/{package_name}', ['package.xml']),
     ],
     install_requires=[
-        'dvs_common',
-        'dvs_event_camera',
-        'dvs_hinf_controller',
-        'dvs_plant_sim',
+        beside('dvs_common'),
+        beside('dvs_event_camera'),
+        beside('dvs_hinf_controller'),
+        beside('dvs_plant_sim'),
         'Jinja2>=3.1',
         'numpy>=1.26',
         'scipy>=1.11',
@@ -27,7 +35,7 @@ setup(
     extras_require={
         'numba': ['numba>=0.59'],
         'plot': ['matplotlib>=3.6', 'Pillow>=9.5'],
-        'sweep': ['distributed>=2024.1', 'matplotlib>=3.6'],
+        'sweep': ['distributed>=2024.1', 'matplotlib>=3.6', 'numba>=0.59'],
         'test': [
             'hypothesis>=6.100',
             'pytest>=8',
