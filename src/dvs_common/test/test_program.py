@@ -110,3 +110,32 @@ def test_output_onto_a_full_disk_is_one_line(tmp_path):
 
     assert result.returncode == 1
     assert result.stderr == b'-c: standard output: No space left on device\n'
+
+
+def test_parts_of_numpy_that_scipy_only_names_are_loaded_at_their_first_use(tmp_path):
+    (tmp_path / 'uses.py').write_text(
+        'import sys\nimport numpy\nimport scipy.linalg\n'
+        'def main():\n'
+        '    heavy = ("numpy.f2py.crackfortran", "numpy.testing._private", "numpy.ma.core")\n'
+        '    print(*(name in sys.modules for name in heavy))\n'
+        '    print(numpy.ma.masked_less(numpy.arange(4), 2).sum())\n'
+        '    from numpy.testing import assert_array_equal\n'
+        '    assert_array_equal(numpy.polynomial.Polynomial([1, 2])(3), 7)\n'
+        '    print(*(name in sys.modules for name in heavy))\n'
+        '    return 0\n'
+    )
+
+    result = run('uses', tmp_path)
+
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines() == ['False False False', '5', 'False True True']
+
+
+def test_garbage_is_searched_for_again_when_a_program_has_imported(tmp_path):
+    (tmp_path / 'asks.py').write_text(
+        'import gc\nenabled = gc.isenabled()\n'
+        'def main():\n    print(enabled, gc.isenabled(), gc.get_freeze_count() > 1000)\n'
+        '    return 0\n'
+    )
+
+    assert run('asks', tmp_path).stdout == 'False True True\n'
