@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import gc
 import itertools
 import os
 import shutil
@@ -42,7 +43,20 @@ _LONGEST = (
     'test_replayed_events_give_the_recorded_commands',
     'test_scenario_regulates',
 )
+# Of the files whose tests stay together.
+_LONGEST_FILES = (
+    'test_random_plants',
+    'test_paper',
+    'test_backends',
+    'test_textbook_plants',
+    'test_report',
+    'test_units',
+    'test_kernel_cache',
+    'test_real_sensor',
+)
 _OF_PROCESSES = {'domain', 'new_domain', 'processes'}
+# Imports and collection make hundreds of thousands of objects, and no garbage.
+gc.disable()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -57,7 +71,16 @@ def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
 def _turn(item: pytest.Function) -> int:
     if item.originalname in _LONGEST:
         return _LONGEST.index(item.originalname) - len(_LONGEST)
-    return int(not _OF_PROCESSES.intersection(item.fixturenames))
+    if _OF_PROCESSES.intersection(item.fixturenames):
+        return 0
+    stem = item.path.stem
+    return 1 + (_LONGEST_FILES.index(stem) if stem in _LONGEST_FILES else len(_LONGEST_FILES))
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage from here on, and never again among what is imported and collected."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

@@ -242,3 +242,10 @@ def test_bags_are_read_and_written_by_public_interfaces():
         used = re.findall(r"(?:from|import|import_module\()\s*'?(rosbags[\w.]*)", text)
         assert {*used} <= PUBLIC, name
         assert not used or not re.search(r'(?:reader|rosbag[12]|typestore|types)\._', text), name
+
+
+def test_tests_of_a_file_stay_on_one_worker_which_makes_once_what_they_share(request):
+    if not request.config.getoption('loadgroup', False):
+        pytest.skip('there is one worker')
+
+    assert request.node.nodeid.endswith('@test_house')

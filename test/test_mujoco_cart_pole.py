@@ -26,6 +26,8 @@ sys.path.insert(0, str(FOLDER))
 import cart_pole  # noqa: E402
 
 SCENARIO = FOLDER / 'cart_pole.yaml'
+# All tests on one worker, which makes their design.
+pytestmark = pytest.mark.xdist_group('test_mujoco_cart_pole')
 
 
 def test_the_scenario_holds_the_linearisation_of_the_model():
