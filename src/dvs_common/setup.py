@@ -20,7 +20,7 @@ setup(
         'pictures': ['Pillow>=9.5'],
         'plot': ['matplotlib>=3.6'],
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
-        'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3'],
+        'test': ['hypothesis>=6.100', 'pytest>=8,<9.2', 'pytest-timeout>=2.3'],
     },
     zip_safe=False,
     maintainer=manifest.findtext('maintainer'),

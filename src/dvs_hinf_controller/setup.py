@@ -32,7 +32,7 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
         'test': [
             'hypothesis>=6.100',
-            'pytest>=8',
+            'pytest>=8,<9.2',
             'pytest-timeout>=2.3',
             'mpmath>=1.3',
             'slycot>=0.6',

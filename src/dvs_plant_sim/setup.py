@@ -27,7 +27,7 @@ setup(
     install_requires=[beside('dvs_common'), 'numpy>=1.26', 'scipy>=1.11'],
     extras_require={
         'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
-        'test': ['hypothesis>=6.100', 'pytest>=8', 'pytest-timeout>=2.3'],
+        'test': ['hypothesis>=6.100', 'pytest>=8,<9.2', 'pytest-timeout>=2.3'],
     },
     zip_safe=False,
     maintainer=manifest.findtext('maintainer'),

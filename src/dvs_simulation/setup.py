@@ -38,7 +38,7 @@ setup(
         'sweep': ['distributed>=2024.1', 'matplotlib>=3.6', 'numba>=0.59'],
         'test': [
             'hypothesis>=6.100',
-            'pytest>=8',
+            'pytest>=8,<9.2',
             'pytest-timeout>=2.3',
             'mpmath>=1.3',
             'PyYAML>=6.0',
