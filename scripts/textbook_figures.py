@@ -11,8 +11,9 @@ from checkout import ROOT
 
 from dvs_common.scenario.scenario import load_scenario
 from dvs_simulation.judging.figure import save_figure
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import Promised, judge
+from dvs_simulation.judging.verdict import judge
 from dvs_simulation.sampled.sampled_loop import run_sampled
 
 PLANTS = sorted((ROOT / 'config' / 'textbook').glob('*.yaml'))

@@ -16,8 +16,9 @@ from scipy.linalg import logm
 from dvs_common.scenario.scenario import load_scenario
 from dvs_hinf_controller.design.certification import farthest_start
 from dvs_hinf_controller.design.design import design_from_scenario, save_design
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import Promised, judge
+from dvs_simulation.judging.verdict import judge
 from dvs_simulation.sampled.sampled_loop import run_sampled
 
 mujoco = pytest.importorskip('mujoco')

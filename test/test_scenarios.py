@@ -22,8 +22,9 @@ from scenario_checks import (
 
 from dvs_common.scenario.scenario import load_scenario
 from dvs_plant_sim.pendulum import Pendulum, PendulumConstants
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import Promised, judge
+from dvs_simulation.judging.verdict import judge
 from dvs_simulation.sampled.sampled_loop import run_sampled
 
 LOCKSTEP = sorted(p.stem for p in CONFIG.glob('*.yaml') if 'mode: lockstep' in p.read_text())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from closed_loop_cases import mirror_loop
 from recorded_messages import recorded
+from verdict_cases import promised_of
 
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.analysis.sector import sector
@@ -11,7 +12,7 @@ from dvs_simulation.exact import simulate
 from dvs_simulation.exact.signals import estimates_at, judged, luminosities, sector_ratios
 from dvs_simulation.judging.measures import Judgement, error, largest, sector_ratio, settled_from
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import Promised, judge
+from dvs_simulation.judging.verdict import judge
 
 PRINTED = (-0.2321, 0.0928)
 SCENARIO = Scenario.from_values({'set_point': PRINTED})
@@ -40,7 +41,7 @@ def test_an_exact_run_and_its_messages_are_judged_alike():
         trace,
         scenario,
         name='same',
-        promised=Promised(h_star=0.1, h_certified=0.1, delta_certified=0.1, slowest_pole=-1.0),
+        promised=promised_of(scenario),
         wall_seconds=1.0,
         interrupted=False,
         bounds=loop.bounds,

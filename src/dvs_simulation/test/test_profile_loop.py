@@ -13,8 +13,9 @@ from dvs_hinf_controller.analysis.sector import sector
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.design.certification import held_from
 from dvs_simulation.exact import ClosedLoop
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.trace import Trace, decode_trace
-from dvs_simulation.judging.verdict import Promised, Verdict, judge
+from dvs_simulation.judging.verdict import Verdict, judge
 from dvs_simulation.sampled.compiled_loop import compiled_loop
 from dvs_simulation.sampled.conditions import Conditions
 from dvs_simulation.sampled.sampled_loop import run_by_messages, run_sampled

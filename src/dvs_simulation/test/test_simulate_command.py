@@ -105,3 +105,47 @@ def test_a_method_of_the_command_line_designs_the_controller(tmp_path):
     _, other = simulate(tmp_path, '--method', 'structured')
 
     assert other['h_certified'] > plain['h_certified'] + 0.003
+
+
+def exact(tmp_path, name, **values):
+    """Result of an exact run of a shipped scenario with other values."""
+    scenario = load_scenario(CONFIG / f'{name}.yaml').replace(method='unstructured', **values)
+    file = tmp_path / 'mine.yaml'
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': plain(scenario.values)}}))
+    main(['simulate', '--params-file', str(file), '--output', str(tmp_path / 'out')])
+
+    def none(token):
+        raise AssertionError(token)
+
+    text = (tmp_path / 'out' / 'mine-exact' / 'result.json').read_text()
+    return json.loads(text, parse_constant=none)
+
+
+@pytest.mark.parametrize(
+    ('values', 'promised'),
+    [
+        ({'event_threshold': 0.0838}, True),
+        ({'event_threshold': 0.0840}, False),
+        ({'event_threshold': 0.0838, 'constant_load': [1e-4]}, False),
+        ({'event_threshold': 0.0838, 'output_disturbance': 1e-4}, False),
+    ],
+)
+def test_an_exact_run_is_promised_within_both_certificates_where_nothing_acts(
+    tmp_path, values, promised
+):
+    assert exact(tmp_path, 'textbook/heading', duration=1.0, **values)['certified'] is promised
+
+
+def test_a_run_that_ends_in_the_dark_has_broken_off(tmp_path, capsys):
+    result = exact(tmp_path, 'textbook/ball_and_beam', duration=8.0, event_threshold=0.9)
+
+    assert result['outcome'] == 'zeno' and result['limsup_error'] is None
+    assert 'mine: NOT regulated: broken off' in capsys.readouterr().out
+
+
+def test_what_any_threshold_holds_is_null(tmp_path):
+    stable = {'state_matrix': [-1.0, 1.0, 0.0, -2.0], 'settling_time': 0.0, 'duration': 0.5}
+    result = exact(tmp_path, 'textbook/flexible_mode', **stable)
+
+    assert result['h_star'] is result['h_certified'] is None
+    assert result['certified'] is True

@@ -8,12 +8,14 @@ import warnings
 import numpy as np
 import pytest
 from recorded_messages import recorded
+from verdict_cases import promised_of
 
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.analysis.budget import Budget
+from dvs_hinf_controller.state_space import StateSpace
 from dvs_simulation.judging.trace import decode_trace
-from dvs_simulation.judging.verdict import Promised, Verdict, judge, sector_ratios
+from dvs_simulation.judging.verdict import Verdict, judge, sector_ratios
 
 H = 0.15
 SCENARIO = Scenario.from_values(
@@ -30,7 +32,7 @@ RHO = math.exp(-H)
 Y = np.array([2.0, 3.0, 4.0])
 BOUND = (1.2 - RHO**2) / (1.2 + RHO**2)
 
-PROMISED = Promised(h_star=0.2, h_certified=0.05, delta_certified=0.3, slowest_pole=-20.0)
+PROMISED = promised_of(SCENARIO, h_star=0.2, h_certified=0.05, delta_certified=0.3, pole=-20.0)
 # h ln b + w and atanh(delta_certified) of SCENARIO and PROMISED.
 USED, ALLOWED = H + 0.5 * math.log(1.2), math.atanh(0.3)
 
@@ -152,15 +154,37 @@ def test_the_file_has_every_figure(tmp_path):
     assert '(interrupted)' in str(verdict)
 
 
+def settling(errors, pole):
+    """Run of 3 ms a sample, of a loop whose start decays with this pole."""
+    return judged(run(errors), promised=promised_of(SCENARIO, pole=pole))
+
+
 def test_a_run_that_was_too_short_did_not_settle_yet():
-    slow = dataclasses.replace(PROMISED, slowest_pole=-0.14)
-    early = judged(run([0.3, 0.3, 0.29]), promised=slow)
-    late = judged(run([0.3, 0.3, 0.29]), promised=dataclasses.replace(slow, slowest_pole=-1e6))
+    early, late = (settling([0.3, 0.3, 0.29], pole) for pole in (-0.14, -1e6))
 
     assert early.settling and not early.regulated
     assert 'did not settle yet: slowest pole -0.14 1/s, duration' in str(early)
     assert not late.settling
-    assert 'NOT regulated' in str(late)
+    assert 'NOT regulated: left eps' in str(late)
+
+
+def test_an_error_for_which_the_start_does_not_account_has_left_eps():
+    assert settling([0.3, 0.6, 0.64], -0.14).settling
+    assert not settling([0.3, 0.6, 0.66], -0.14).settling
+
+
+def test_the_transient_is_that_of_the_loop_and_not_of_its_slowest_pole_alone():
+    """Ten times the start, on the way: an error that a triple pole alone would not leave."""
+    loop = promised_of(SCENARIO).loop
+    steep = StateSpace(a=np.array([[-1.0, 60.0], [0.0, -1.0]]), b=loop.b, c=loop.c, d=loop.d)
+    promised = dataclasses.replace(PROMISED, loop=steep)
+
+    assert promised.transient(np.array([0.0, 0.1]), 0.0, 9.0) == pytest.approx(
+        6.0 / math.e, rel=1e-3
+    )
+    assert promised.transient(np.array([0.1, 0.0]), 2.0, 9.0) == pytest.approx(
+        0.1 * math.exp(-2), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -276,3 +300,25 @@ def test_a_given_mask_leaves_the_budget_of_the_start():
     assert judged(run([0.0, 0.0]), bounds=poor).budget_used > 2 * USED
     masked = judged(run([0.0, 0.0]), SCENARIO.replace(pixel_mask=(1,)), bounds=poor)
     assert masked.budget_used == pytest.approx(USED)
+
+
+@pytest.mark.parametrize('h_star', [math.inf, -math.inf, 0.2])
+def test_the_file_of_a_run_is_json_whatever_was_promised(h_star, tmp_path):
+    promised = dataclasses.replace(PROMISED, h_star=h_star, h_certified=h_star)
+    judged(run([0.0, math.nan]), promised=promised).save(tmp_path / 'result.json')
+
+    def none(token):
+        raise AssertionError(token)
+
+    saved = json.loads((tmp_path / 'result.json').read_text(), parse_constant=none)
+    expected = {math.inf: None, -math.inf: 0.0}.get(h_star, h_star)
+    assert (saved['h_star'], saved['h_certified']) == (expected, expected)
+    assert saved['final_error'] is None
+
+
+def test_no_threshold_and_any_threshold_are_words():
+    for h_certified, word in ((math.inf, 'any'), (-math.inf, 'none'), (-0.001, 'none')):
+        promised = dataclasses.replace(PROMISED, h_certified=h_certified, h_star=h_certified)
+        text = str(judged(run([0.0, 0.01]), promised=promised))
+        assert f'h_certified = {word} (' in text
+        assert f'h* = {word}\n' in text

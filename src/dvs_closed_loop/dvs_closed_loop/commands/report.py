@@ -135,7 +135,8 @@ def _judged(
     from dvs_closed_loop.bags.reported_budgets import reported_budgets
     from dvs_common.wire import topics
     from dvs_hinf_controller.design.design import design_from_scenario
-    from dvs_simulation.judging.verdict import Promised, judge
+    from dvs_simulation.judging.promised import Promised
+    from dvs_simulation.judging.verdict import judge
 
     trace = recorded.trace
     if trace is None:

@@ -113,7 +113,7 @@ def _tiles(verdict: Verdict | None) -> tuple[tuple[str, str], ...]:
         (
             f'{verdict.h:g}',
             f'threshold h, {verdict.promise} (h_certified = {verdict.certified_text}, h* = '
-            f'{verdict.h_star:.4f})',
+            f'{verdict.published_text})',
         ),
         (
             f'{verdict.budget_used:.4g}',

@@ -24,9 +24,10 @@ from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
 from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.trace import IncompleteTraceError, decode_trace
 from dvs_simulation.judging.unjudged import Unjudged, without_states
-from dvs_simulation.judging.verdict import Promised, Verdict, judge
+from dvs_simulation.judging.verdict import Verdict, judge
 
 # What tells of a run.
 _OF_A_RUN = ('bag', 'result.json', 'figure.png', 'report.html', 'report.png')

@@ -18,11 +18,13 @@ from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_common.writing import write_text
 from dvs_hinf_controller.design.design import Design, design_from_scenario
+from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_simulation import plotting
 from dvs_simulation.exact import ClosedLoop, Trajectory, simulate
 from dvs_simulation.exact.run_figure import run_figure
 from dvs_simulation.exact.signals import judged
 from dvs_simulation.judging.measures import Judgement, error, settled_from, unsettled
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
 
 if TYPE_CHECKING:
@@ -112,7 +114,7 @@ def _run_exact(scenario: Scenario, name: str, output: Path) -> int:
         output_tolerance=design.problem.output_tolerance,
     )
     result = exact_result(name, design, loop, trajectory, judgement, cpu_seconds=seconds)
-    write_text(output / 'result.json', json.dumps(result, indent=2) + '\n')
+    write_text(output / 'result.json', json.dumps(finite_or_null(result), indent=2) + '\n')
     with plotting.in_style():
         plotting.save_figure(
             run_figure(
@@ -153,13 +155,17 @@ def exact_result(
     """
     outcome, limsup = trajectory.outcome, judgement.limsup_error
     errors = error(trajectory.states, loop.equilibrium, loop.error_weights)
-    figures = design.figures
+    figures, begin = design.figures, settled_from(outcome.time)
     settling = not judgement.regulated and unsettled(
-        float(errors[0]),
+        limsup,
         judgement.tolerance,
-        slowest_pole=figures.closed_loop_abscissa,
-        waited_s=settled_from(outcome.time),
+        transient=Promised.of(design).transient(
+            loop.initial_state - loop.equilibrium.state, begin, outcome.time
+        ),
     )
+    # The continuous loop has a certificate of its own, in which nothing acts on it.
+    h_certified = min(figures.h_certified, figures.h_certified_continuous)
+    acts = loop.output_disturbance or (loop.load is not None and np.any(loop.load))
     return {
         'scenario': name,
         'mode': 'exact',
@@ -177,25 +183,27 @@ def exact_result(
         'cpu_seconds': cpu_seconds,
         'evaluations': trajectory.evaluations,
         'h': loop.event_threshold,
-        'h_star': figures.h_star,
-        'h_certified': threshold_or_null(figures.h_certified),
-        'certified': loop.event_threshold <= figures.h_certified,
+        'h_star': threshold_or_null(figures.h_star),
+        'h_certified': threshold_or_null(h_certified),
+        'certified': loop.event_threshold <= h_certified and not acts,
         'settling': settling,
         'slowest_pole': figures.closed_loop_abscissa,
     }
 
 
 def _title(result: dict[str, Any]) -> str:
-    word = outcome_word(
-        regulated=result['regulated'],
-        slowest_pole=result['slowest_pole'] if result['settling'] else None,
-        duration_s=result['simulated_seconds'],
-    )
+    word = 'NOT regulated: broken off'
+    if result['outcome'] == 'completed':
+        word = outcome_word(
+            regulated=result['regulated'],
+            slowest_pole=result['slowest_pole'] if result['settling'] else None,
+            duration_s=result['simulated_seconds'],
+        )
     promise = 'promised' if result['certified'] else 'nothing promised'
     return (
         f'{result["scenario"]}: {word}, r = {result["pixels"]}, h = {result["h"]:g} '
         f'({promise}; h_certified = {threshold_text(result["h_certified"])}, '
-        f'h* = {result["h_star"]:.4f}), {result["events"]} events'
+        f'h* = {threshold_text(result["h_star"])}), {result["events"]} events'
     )
 
 
@@ -218,7 +226,7 @@ def _summary(result: dict[str, Any], output: Path) -> str:
 def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
     from dvs_simulation.judging.figure import save_figure
     from dvs_simulation.judging.trace import decode_trace
-    from dvs_simulation.judging.verdict import Promised, judge
+    from dvs_simulation.judging.verdict import judge
     from dvs_simulation.sampled.sampled_loop import run_by_messages
 
     started = time.perf_counter()

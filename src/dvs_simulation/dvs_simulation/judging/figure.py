@@ -51,8 +51,8 @@ def _overview(trace: Trace, scenario: Scenario, verdict: Verdict) -> Figure:
         draw(panel, trace, scenario, verdict)
     figure.suptitle(
         f'{verdict.scenario}: {verdict.word}, r = {verdict.pixels}, h = {verdict.h:g} '
-        f'({verdict.promise}; h_certified = {verdict.certified_text}, h* = {verdict.h_star:.4f}), '
-        f'{verdict.events} events'
+        f'({verdict.promise}; h_certified = {verdict.certified_text}, '
+        f'h* = {verdict.published_text}), {verdict.events} events'
     )
     return figure
 

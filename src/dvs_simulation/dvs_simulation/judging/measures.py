@@ -95,23 +95,21 @@ def settled_from(duration_s: float) -> float:
     return duration_s * _SETTLED
 
 
-def unsettled(
-    first_error: float, tolerance: float, *, slowest_pole: float, waited_s: float
-) -> bool:
-    """Whether the slowest mode alone keeps the start above the tolerance for so long.
+def unsettled(limsup_error: float, tolerance: float, *, transient: float) -> bool:
+    """Whether what the start leaves accounts for an error above the tolerance.
+
+    It counts twice: the estimate errs by more while the state is far.
 
     Parameters
     ----------
-    first_error
-        Error at the start.
+    limsup_error
+        Largest error of the part of the run that should have settled.
     tolerance
         eps.
-    slowest_pole
-        Largest real part of a closed-loop pole, 1/s.
-    waited_s
-        Time until the run counts as settled, s.
+    transient
+        Largest error in that part that the start alone leaves.
     """
-    return first_error * math.exp(slowest_pole * waited_s) > tolerance
+    return limsup_error < tolerance + 2 * transient
 
 
 def error(

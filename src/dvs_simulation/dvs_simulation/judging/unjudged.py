@@ -18,6 +18,7 @@ from dvs_common.wire.messages import parse_command, parse_state
 from dvs_common.writing import write_text
 from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.analysis.budget import Budget
+from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_simulation.judging.measures import (
     Judgement,
     largest,
@@ -66,14 +67,14 @@ class Unjudged:
         return False
 
     def save(self, path: Path) -> None:
-        """Write `result.json`.
+        """Write `result.json`; null stands for what is not finite.
 
         Parameters
         ----------
         path
             File to write.
         """
-        write_text(path, json.dumps(dataclasses.asdict(self), indent=2) + '\n')
+        write_text(path, json.dumps(finite_or_null(dataclasses.asdict(self)), indent=2) + '\n')
 
     def __str__(self) -> str:
         """Return what is known as a few readable lines."""

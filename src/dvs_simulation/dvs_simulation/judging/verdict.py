@@ -16,7 +16,7 @@ from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import write_text
 from dvs_hinf_controller.analysis.budget import Budget
-from dvs_hinf_controller.design.design import Design
+from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_simulation.judging.measures import (
     Judgement,
     error,
@@ -27,48 +27,12 @@ from dvs_simulation.judging.measures import (
     silent_below,
     unsettled,
 )
+from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.run_budget import run_budget
 from dvs_simulation.judging.trace import Trace
 from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Promised:
-    """What the design that ran says of its thresholds and its pace.
-
-    Parameters
-    ----------
-    h_star
-        Published bound on h.
-    h_certified
-        Guaranteed bound on h for the loop that runs; infinite where any threshold will do.
-    delta_certified
-        Relative error of the estimate up to which the tolerance is guaranteed.
-    slowest_pole
-        Largest real part of a closed-loop pole, 1/s.
-    """
-
-    h_star: float
-    h_certified: float
-    delta_certified: float
-    slowest_pole: float
-
-    @classmethod
-    def of(cls, design: Design) -> Promised:
-        """What a design says.
-
-        Parameters
-        ----------
-        design
-            Controller and its figures.
-        """
-        figures = design.figures
-        return cls(
-            h_star=figures.h_star,
-            h_certified=figures.h_certified,
-            delta_certified=figures.delta_certified,
-            slowest_pole=figures.closed_loop_abscissa,
-        )
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,16 +84,18 @@ class Verdict:
     h
         Event threshold.
     h_star
-        Published bound on h for the controller that ran.
+        Published bound on h for the controller that ran; None where any threshold will do.
     h_certified
         Guaranteed bound on h for the loop that runs; None where any threshold will do.
     saturated_cycles
-        Number of commands at `command_limit`.
+        Number of commands at `command_limit` or `command_rate_limit`.
     cycles_beyond_profile
         Number of samples at which `brightness_profile` was left, or its `profile_reach`.
+    uncovered
+        What acted on the run and is no part of the promise; empty for nothing.
     certified
         Whether h is within it and what became of the references, too (of a sensor in error the
-        latter decides), no command at its limit, no pixel beyond its profile: it was promised.
+        latter decides), and nothing was uncovered: it was promised.
     budget_used
         Largest ``h ln b + max w`` of the run, as the controller reported it.
     budget_allowed
@@ -137,7 +103,7 @@ class Verdict:
     certificate
         The least favourable state of the certificate during the run, in words.
     settling
-        Whether the run may only not have settled yet: the slowest pole had too little time.
+        Whether the run may only not have settled yet: its start accounts for what is too much.
     slowest_pole
         Largest real part of a closed-loop pole, 1/s.
     """
@@ -162,10 +128,11 @@ class Verdict:
     wall_seconds: float
     simulated_seconds: float
     h: float
-    h_star: float
+    h_star: float | None
     h_certified: float | None
     saturated_cycles: int
     cycles_beyond_profile: int
+    uncovered: str
     certified: bool
     budget_used: float
     budget_allowed: float | None
@@ -208,26 +175,27 @@ class Verdict:
         """Whether a promise stood for the run, and if not why."""
         if self.certified:
             return 'promised'
-        if self.saturated_cycles:
-            return 'nothing promised: the command was at its limit'
-        if self.cycles_beyond_profile:
-            return 'nothing promised: beyond profile_reach'
-        return 'nothing promised'
+        return f'nothing promised: {self.uncovered}' if self.uncovered else 'nothing promised'
 
     @property
     def certified_text(self) -> str:
         """h_certified in words."""
         return threshold_text(self.h_certified)
 
+    @property
+    def published_text(self) -> str:
+        """h* in words."""
+        return threshold_text(self.h_star)
+
     def save(self, path: Path) -> None:
-        """Write `result.json`.
+        """Write `result.json`; null stands for what is not finite.
 
         Parameters
         ----------
         path
             File to write.
         """
-        write_text(path, json.dumps(dataclasses.asdict(self), indent=2) + '\n')
+        write_text(path, json.dumps(finite_or_null(dataclasses.asdict(self)), indent=2) + '\n')
 
     def __str__(self) -> str:
         """Return the verdict as a few readable lines."""
@@ -243,7 +211,7 @@ class Verdict:
                 f'  sector bound         {held}, worst |z - y| / (delta_z |y|) = '
                 f'{self.sector_ratio_max:.6f}',
                 f'  threshold            h = {self.h:g}, h_certified = {self.certified_text} '
-                f'({self.promise}), h* = {self.h_star:.5f}',
+                f'({self.promise}), h* = {self.published_text}',
                 f'  certificate          {self.certificate}',
                 f'  events               {self.events} ({self.events_per_pixel:.1f} a pixel, '
                 f'{self.pixels} pixels{self._masked})',
@@ -266,7 +234,7 @@ class Verdict:
             )
         if self.saturated_cycles:
             lines.append(
-                f'  command              at command_limit in {self.saturated_cycles} of '
+                f'  command              at its limit in {self.saturated_cycles} of '
                 f'{self.cycles} cycles'
             )
         if self.cycles_beyond_profile:
@@ -325,8 +293,17 @@ def judge(
     errors = error(trace.states, held, scenario.error_weights)
     outputs = output_error(trace.states, held, scenario.model.output_vector)
     settled = trace.times_s >= settled_from(trace.times_s[-1])
-    saturated = np.any(np.abs(trace.commands) >= scenario.command_limit, axis=1)
+    saturated = _saturated(trace, scenario)
     beyond = int(np.count_nonzero(outputs > scenario.linearisation.reach))
+    cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
+    end = trace.times_s[-1]
+    skipped = round(end / scenario.loop.sampling_period) + 1 - cycles - unrecorded
+    uncovered = (
+        'the command was at its limit' * (saturated > 0)
+        or 'beyond profile_reach' * (beyond > 0)
+        or 'samples without a command' * (skipped > 0)
+        or promised.uncovered(scenario)
+    )
     judgement = Judgement(
         tolerance=scenario.objective.tolerance,
         limsup_error=float(errors[settled].max()),
@@ -334,7 +311,6 @@ def judge(
         output_tolerance=scenario.output_tolerance,
         limsup_output=float(outputs[settled].max()),
     )
-    cycles, pixels = len(trace.times_s), trace.luminosities.shape[1]
     return Verdict(
         scenario=name,
         regulated=judgement.regulated,
@@ -351,31 +327,39 @@ def judge(
         events=len(trace.events),
         events_per_pixel=len(trace.events) / pixels,
         cycles=cycles,
-        samples_skipped=round(trace.times_s[-1] / scenario.loop.sampling_period)
-        + 1
-        - cycles
-        - unrecorded,
+        samples_skipped=skipped,
         cycles_per_second=(cycles - 1) / wall_seconds if wall_seconds > 0 else 0.0,
         wall_seconds=wall_seconds,
-        simulated_seconds=float(trace.times_s[-1]),
+        simulated_seconds=float(end),
         h=scenario.sensor.event_threshold,
-        h_star=promised.h_star,
+        h_star=threshold_or_null(promised.h_star),
         h_certified=threshold_or_null(promised.h_certified),
-        saturated_cycles=int(saturated.sum()),
+        saturated_cycles=saturated,
         cycles_beyond_profile=beyond,
-        certified=budget.is_certified and not saturated.any() and not beyond,
+        uncovered=uncovered,
+        certified=budget.is_certified and not uncovered,
         budget_used=worst.used,
         budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
         certificate=str(worst),
         settling=not judgement.regulated
         and unsettled(
-            float(errors[0]),
+            judgement.limsup_error,
             judgement.tolerance,
-            slowest_pole=promised.slowest_pole,
-            waited_s=settled_from(trace.times_s[-1]) - trace.times_s[0],
+            transient=promised.transient(
+                trace.states[0] - held.state, settled_from(end) - trace.times_s[0], end
+            ),
         ),
         slowest_pole=promised.slowest_pole,
     )
+
+
+def _saturated(trace: Trace, scenario: Scenario) -> int:
+    """Number of commands at a limit of their size or of their rate."""
+    limited = np.any(np.abs(trace.commands) >= scenario.command_limit, axis=1)
+    change = np.abs(np.diff(trace.commands, axis=0))
+    most = np.diff(trace.times_s)[:, None] * scenario.command_rate_limit
+    limited[1:] |= np.any(change >= most * (1 - _ROUNDING), axis=1)
+    return int(np.count_nonzero(limited))
 
 
 def sector_ratios(trace: Trace, scenario: Scenario, error_bound: FloatArray) -> FloatArray:

@@ -25,22 +25,26 @@ def outcome_word(*, regulated: bool, slowest_pole: float | None, duration_s: flo
 
 
 def threshold_or_null(h_certified: float) -> float | None:
-    """None for any threshold; a threshold below zero is none at all.
+    """None for any threshold, 0 where the tolerance fails at every one.
 
     Parameters
     ----------
     h_certified
         As designed.
     """
-    return None if h_certified == math.inf else max(h_certified, -1.0)
+    if h_certified == math.inf:
+        return None
+    return 0.0 if h_certified == -math.inf else h_certified
 
 
 def threshold_text(h_certified: float | None) -> str:
-    """h_certified of `threshold_or_null` in words.
+    """A bound of `threshold_or_null` in words.
 
     Parameters
     ----------
     h_certified
-        None for any threshold.
+        None for any threshold, zero or negative for none.
     """
-    return 'any' if h_certified is None else f'{h_certified:.5f}'
+    if h_certified is None:
+        return 'any'
+    return f'{h_certified:.5f}' if h_certified > 0 else 'none'
