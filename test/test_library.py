@@ -170,7 +170,7 @@ def test_a_core_names_the_folders_of_those_below_it_which_no_index_has(installed
 
     sources = installed.parent / 'src'
     assert {name.replace('-', '_'): folder for name, folder in needs} == {
-        core: (sources / core).as_uri() for core in CORES if core != 'dvs_simulation'
+        core: f'file://localhost{sources / core}' for core in CORES if core != 'dvs_simulation'
     }
 
 
