@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.linalg
 
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.sampling import max_sampling_period, sampled_matrix
@@ -51,6 +52,29 @@ def test_sampled_map_is_the_integrated_loop(paper_model: PlantModel) -> None:
     )
 
 
+def test_with_a_camera_that_interpolates_k_sees_a_straight_line(paper_model: PlantModel) -> None:
+    """Against an ODE solver, and K in a thousand pieces of the line."""
+    controller = synthesize_rolled_off(paper_model, DesignOptions()).controller
+    period, k = 0.02, controller.order
+    start = np.random.default_rng(1).standard_normal(2 + k)
+    a, b, c = paper_model.state_matrix, paper_model.input_matrix[:, 0], paper_model.output_vector
+    u = controller.output_matrix @ start[2:] + controller.feedthrough * (c @ start[:2])
+    x = scipy.integrate.solve_ivp(
+        lambda _, s: a @ s + b * u, (0, period), start[:2], rtol=1e-11, atol=1e-13
+    ).y[:, -1]
+    seen = np.linspace(c @ start[:2], c @ x, 2001)
+    flow = scipy.linalg.expm(
+        np.block([[controller.state_matrix, controller.input_vector[:, None]], [np.zeros(k + 1)]])
+        * (period / 1000)
+    )
+    xc = start[2:]
+    for middle in seen[1::2]:
+        xc = flow[:k, :k] @ xc + flow[:k, k] * middle
+
+    end = sampled_matrix(paper_model, controller, period, interpolates=True) @ start
+    np.testing.assert_allclose(end, np.concatenate([x, xc]), rtol=1e-5, atol=1e-7)
+
+
 @pytest.mark.parametrize('gain', [1.1, 3.0])
 def test_static_gain_is_the_closed_form(gain: float) -> None:
     # x_{k+1} = (e - k (e - 1)) x with a = 1, e = exp(T): stable while k (e - 1) < e + 1.
@@ -67,8 +91,13 @@ def test_a_longer_period_is_unstable_and_a_shorter_one_stable(paper_model: Plant
     longest = max_sampling_period(paper_model, controller)
 
     def radius(period: float) -> float:
-        matrix = sampled_matrix(paper_model, controller, period)
-        return float(np.abs(np.linalg.eigvals(matrix)).max())
+        return max(
+            float(np.abs(np.linalg.eigvals(matrix)).max())
+            for matrix in (
+                sampled_matrix(paper_model, controller, period),
+                sampled_matrix(paper_model, controller, period, interpolates=True),
+            )
+        )
 
     assert radius(1.002 * longest) >= 1
     for period in np.geomspace(1e-5, 0.999 * longest, 50):

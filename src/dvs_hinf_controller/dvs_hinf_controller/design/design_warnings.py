@@ -12,6 +12,7 @@ from dvs_common.arrays import FloatArray
 from dvs_common.scenario.scenario import Scenario
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
 from dvs_hinf_controller.analysis.promise import Held
+from dvs_hinf_controller.analysis.sampling import is_stable_at
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.operation import Operation
@@ -140,10 +141,10 @@ def _of_the_pace(design: Design, operation: Operation) -> Iterator[str]:
     """Why the loop that runs may have no promise: it is too slow for the controller."""
     figures, period = design.figures, operation.sampling_period
     timing = Timing(period=period, latency=operation.latency)
+    model, k = design.problem.model, design.controller
     # What has a promise at some threshold is stable.
-    if (
-        figures.h_certified <= 0
-        and not LiftedLoop(design.problem.model, design.controller, timing).is_stable
+    if figures.h_certified <= 0 and not (
+        is_stable_at(model, k, period) and LiftedLoop(model, k, timing).is_stable
     ):
         late = f' and loop_latency = {operation.latency:g} s' if operation.latency else ''
         longest = figures.max_sampling_period
