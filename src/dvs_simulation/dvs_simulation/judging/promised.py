@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import scipy.linalg
@@ -10,6 +10,7 @@ import scipy.linalg
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_common.scenario.scenario import Scenario
+from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
@@ -20,13 +21,10 @@ _INSTANTS = 200
 # and thresholds that are drawn once.
 _NOISE, _FROZEN = 5.0, 3.0
 _ROUNDING = 1e-9
-_UNCOVERED_PIXELS = (
-    'shot_noise_rate',
-    'hot_pixel_fraction',
-    'dead_pixel_fraction',
-    'refractory_period',
-    'cutoff_frequency',
-)
+# Imperfections that are compared with what the design has bounds of, and those that change
+# nothing by themselves. No promise covers any other, nor one that is added.
+_COVERED_PIXELS = ('threshold_mismatch', 'event_threshold_off', 'leak_rate', 'latency', 'jitter')
+_DETAILS_OF_PIXELS = ('reset', 'shot_noise_luminosity', 'cutoff_luminosity', 'hot_pixel_rate')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,8 +162,9 @@ def _per_input(bounds: FloatArray, inputs: int) -> FloatArray:
 
 def _of_the_pixels(scenario: Scenario, operation: Operation) -> str:
     pixels, bounds = scenario.imperfections, operation.sensor
-    for name in _UNCOVERED_PIXELS:
-        if getattr(pixels, name):
+    for name in (entry.name for entry in fields(Imperfections)):
+        known = name in _COVERED_PIXELS or name in _DETAILS_OF_PIXELS
+        if not known and getattr(pixels, name):
             return name
     if pixels.reset == 'level':
         return 'reset: level'
