@@ -78,7 +78,6 @@ def both_loops(seed: int):
             return None
     design = Design(method='file', problem=problem, controller=controller, figures=figures)
     late = rng.choice([0, 3, TICKS, 30]) + rng.integers(0, 3, PERIODS)
-    late[0] = 0  # before its first command a node's plant has none, that of the study feed-forward
     push = 0.05 * rng.choice([-1.0, 0.0, 1.0]) * rng.uniform(-1, 1, (PERIODS, model.input_count))
     error = 1 + 0.01 * rng.choice([-1, 0, 1], model.state_matrix.shape)
     plant = replace(model, state_matrix=model.state_matrix * error)

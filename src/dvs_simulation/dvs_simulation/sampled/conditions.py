@@ -28,7 +28,8 @@ class Conditions:
         Added to the input in every period, shape (N, m).
     latencies_ns
         Time from a sample to the moment its command acts, ns, >= 0, shape (N + 1,). A command
-        never acts before one of an earlier sample.
+        never acts before one of an earlier sample. Until the first one acts the plant has the
+        input that holds the set-point.
     lost
         Samples whose packet the controller never gets, shape (N + 1,): it makes no command then,
         and the plant holds the last one. Not the first.

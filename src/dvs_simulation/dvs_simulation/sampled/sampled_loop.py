@@ -185,7 +185,7 @@ class _PlantInput:
 
     def __init__(self, scenario: Scenario, plant: Dynamics, conditions: Conditions) -> None:
         self.moving = disturbed(plant, scenario)
-        self.commands: dict[int, FloatArray] = {-1: np.zeros(scenario.model.input_count)}
+        self.commands: dict[int, FloatArray] = {-1: scenario.equilibrium.feedforward}
         self._push = conditions.disturbance
         self.schedule = Schedule.of(
             conditions, periods=scenario.sample_count, period_ns=scenario.sampling_period_ns

@@ -27,7 +27,7 @@ class PlantArrays(NamedTuple):
     offsets: FloatArray  # c'dx_i, (r,)
     first_piece: Ints  # (N + 1,): pieces of sample s are first_piece[s] to first_piece[s + 1]
     lengths: Ints  # (P,): which transition
-    commands: Ints  # (P,): of which sample the command is, -1 for none
+    commands: Ints  # (P,): of which sample the command is, -1 for the feed-forward
     push: FloatArray  # (P, m), added to the command; or no rows
     input_noise: FloatArray  # (P, m), added after it; or no rows
     state_noise: FloatArray  # (P, n), added to the state after the piece; or no rows

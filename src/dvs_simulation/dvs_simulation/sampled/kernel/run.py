@@ -130,15 +130,17 @@ def _fire(
 
 
 @kernel
-def _move(loops: Any, scratch: Any, plant: Any, commands: Any, sample: int, room: Any) -> None:
-    """The plant, from a sample to the next."""
+def _move(
+    loops: Any, scratch: Any, plant: Any, commands: Any, resting: Any, sample: int, room: Any
+) -> None:
+    """The plant, from a sample to the next; it rests at the set-point's input before a command."""
     n, m = plant.state.size, commands.shape[1]
     pushed, driven = room[:m], room[m : m + n]
     moved = room[m + n : m + 2 * n]
     for piece in range(plant.first_piece[sample], plant.first_piece[sample + 1]):
         held = plant.commands[piece]
         for j in range(m):
-            pushed[j] = commands[held, j] if held >= 0 else 0.0
+            pushed[j] = commands[held, j] if held >= 0 else resting[j]
             if plant.push.shape[0]:
                 pushed[j] = pushed[j] + plant.push[piece, j]
             if plant.input_noise.shape[0]:
@@ -207,7 +209,7 @@ def run(
     events = expected = 0
     has_lost, last = False, 0
     for sample in range(1, lost.size):
-        _move(loops, scratch, plant, record.commands, sample - 1, room)
+        _move(loops, scratch, plant, record.commands, control.feedforward, sample - 1, room)
         light = record.luminosities[sample]
         record.states[sample] = plant.state
         if not _look(loops, scratch, plant, light, room) > 0:
