@@ -11,7 +11,7 @@ from loop_support import ROOT
     [
         ('reliability', '| fault |', 5),
         ('reliability', '| promise |', 2),
-        ('hardware', '| page | it says |', 3),
+        ('hardware', '| page | statement |', 3),
     ],
 )
 def test_every_test_that_a_page_names_exists(page, head, column):
