@@ -230,6 +230,7 @@ def _run_sampled(scenario: Scenario, name: str, output: Path) -> int:
     from dvs_simulation.sampled.sampled_loop import run_by_messages
 
     started = time.perf_counter()
+    scenario = scenario.replace(mode='lockstep')  # whatever the nodes would do
     sampled = run_by_messages(scenario)
     assert sampled.controller is not None
     trace = decode_trace(sampled.messages)
