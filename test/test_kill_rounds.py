@@ -21,7 +21,7 @@ NODES = ('event_camera', 'hinf_controller', 'plant_sim')
 PARAMETERS = {'duration': 0.0, 'event_threshold': 0.1}
 FILES = {'lockstep': 'mirror_r3.yaml', 'realtime': 'mirror_r3_realtime.yaml'}
 # Samples after which a loop that was disturbed must be inside its tolerance again.
-SETTLED = {'lockstep': 800, 'realtime': 750}
+SETTLED = {'lockstep': 1500, 'realtime': 750}
 WINDOW = 200
 ERROR = b'\x02'
 ROUNDING = 1e-9
@@ -181,7 +181,7 @@ def test_a_lockstep_loop_regulates_again_whichever_nodes_were_killed(domain, pro
     outcomes, certified = rounds_of('lockstep', 5, 1, domain, processes)
 
     assert all(inside for _, inside in outcomes), outcomes
-    assert certified > 1
+    assert certified > 2
 
 
 def test_a_realtime_loop_is_never_silently_wrong_whichever_nodes_were_killed(domain, processes):
