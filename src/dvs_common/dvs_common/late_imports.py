@@ -1,7 +1,8 @@
-"""Parts of NumPy that SciPy asks for by name and does not use are loaded when something uses them.
+"""What other packages import by name and do not use: loaded at its first use, or left out.
 
 ``from numpy import *`` in SciPy loads the Fortran parser, the test tools, masked arrays and more,
-a third of the time that `scipy.linalg` takes to import.
+a third of the time that `scipy.linalg` takes to import. The first message of ROS loads the
+generator of messages with its parser.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from types import ModuleType
 _PARTS = ('ctypeslib', 'f2py', 'ma', 'matlib', 'polynomial', 'rec', 'testing')
 
 
-def let_numpy_wait() -> None:
-    """Let these parts of NumPy wait for their first use, from the first import of SciPy on."""
+def import_less() -> None:
+    """Load these parts of NumPy at their first use, and no generator of ROS messages at all."""
     sys.meta_path.insert(0, _BeforeScipy())
+    # The package goes without it.
+    sys.modules['rosidl_generator_py.generate_py_impl'] = None  # type: ignore[assignment]
 
 
 class _BeforeScipy(MetaPathFinder):

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
 
-from dvs_common.late_imports import let_numpy_wait
+from dvs_common.late_imports import import_less
 
 # Ctrl-C, the end of a service, a closed terminal or ssh session.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -72,7 +72,7 @@ def run_program(module: str) -> int:
     if _shared_memory_is_full():
         # The tracing library that rclpy loads would be killed by SIGBUS.
         sys.modules['rclpy'] = None  # type: ignore[assignment]
-    let_numpy_wait()
+    import_less()
     try:
         with _no_search_for_garbage():
             main = import_module(module).main

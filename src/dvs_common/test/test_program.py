@@ -131,6 +131,20 @@ def test_parts_of_numpy_that_scipy_only_names_are_loaded_at_their_first_use(tmp_
     assert result.stdout.splitlines() == ['False False False', '5', 'False True True']
 
 
+def test_no_message_of_ros_loads_the_generator_of_messages(tmp_path):
+    (tmp_path / 'uses.py').write_text(
+        'import sys\nfrom std_msgs.msg import Header\n'
+        'def main():\n'
+        '    Header.__import_type_support__()\n'
+        '    print(Header._TYPE_SUPPORT is not None, "rosidl_parser.parser" in sys.modules)\n'
+        '    return 0\n'
+    )
+
+    result = run('uses', tmp_path)
+
+    assert (result.returncode, result.stdout) == (0, 'True False\n'), result.stderr
+
+
 def test_garbage_is_searched_for_again_when_a_program_has_imported(tmp_path):
     (tmp_path / 'asks.py').write_text(
         'import gc\nenabled = gc.isenabled()\n'
