@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -84,12 +85,23 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def handlers_of_signals() -> Iterator[None]:
-    """Put the handlers of signals back: a session of ROS leaves its own to the program's end."""
-    before = {number: signal.getsignal(number) for number in _ENDING}
+def state_of_the_process() -> Iterator[None]:
+    """Put back what a test changes of its process, so that no other depends on their order.
+
+    A session of ROS leaves its handlers of signals, a cluster of Dask its environment variables.
+    """
+    handlers = {number: signal.getsignal(number) for number in _ENDING}
+    folder, errors, variables = Path.cwd(), np.geterr(), dict(os.environ)
     yield
-    for number, handler in before.items():
+    for number, handler in handlers.items():
         signal.signal(number, handler)
+    os.chdir(folder)
+    np.seterr(**errors)
+    changed = {name for name, _ in variables.items() ^ dict(os.environ).items()}
+    changed.discard('PYTEST_CURRENT_TEST')
+    for name in changed:
+        os.environ.pop(name, None)
+    os.environ.update({name: variables[name] for name in changed & variables.keys()})
 
 
 @pytest.fixture(scope='module')
