@@ -183,3 +183,22 @@ def test_what_can_not_be_designed_is_one_line(
 def test_a_figure_is_no_folder(params_file: Path, tmp_path: Path, capsys: Any) -> None:
     assert main(['--params-file', str(params_file), '--figure', str(tmp_path)]) == 1
     assert f'{tmp_path}: cannot be written: is a folder' in capsys.readouterr().err
+
+
+def test_a_trade_for_a_plant_without_controller_names_what_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out_of_reach = {
+        'state_matrix': [1.0, 0.0, 0.0, 2.0],
+        'input_matrix': [1.0, 0.0],
+        'set_point': [0.0, 0.0],
+    }
+    file = tmp_path / 'scenario.yaml'
+    file.write_text(json.dumps({'/**': {'ros__parameters': out_of_reach}}))
+
+    assert main(['--params-file', str(file), '--pareto', str(tmp_path / 'trade.csv')]) == 2
+
+    told = capsys.readouterr()
+    assert 'leaves the unstable mode s = 2' in told.err
+    assert told.out == ''
+    assert not (tmp_path / 'trade.csv').exists()

@@ -163,6 +163,13 @@ CASES: list[tuple[str, str, Callable[[], Values], Callable[[], Values]]] = [
         lambda: {**STABLE, 'settling_time': 2.0},
     ),
     (
+        # A tolerance that is large does not make a small feedback of one that holds the plant.
+        'mirror_r1',
+        'next to no feedback',
+        lambda: {**STABLE, 'tolerance': 1e3},
+        lambda: {'tolerance': 1e3},
+    ),
+    (
         'textbook/flexible_mode',
         'next to no feedback',
         lambda: {'settling_time': 0.0},

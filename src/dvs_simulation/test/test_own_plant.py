@@ -38,6 +38,18 @@ def test_an_adversarial_disturbance_is_at_least_as_bad_as_a_random_one(rows):
         assert float(adversarial['limsup']) >= float(random['limsup'])
 
 
+def test_a_run_that_has_not_settled_has_not_left_eps():
+    """A loop whose slowest pole needs 20 s, in a scenario of 4 s, below its certified threshold."""
+    heading = load_scenario(ROOT / 'config' / 'textbook' / 'heading.yaml')
+    slow = heading.replace(settling_time=0.0, duration=4.0)
+    rows = run_own_plant_task(
+        scenario=slow, method='unstructured', thresholds=[0.08], runs=3, seed=0
+    )
+
+    assert rows[0]['h_certified'] > 0.08
+    assert all(0 < row['limsup'] < row['tolerance'] for row in rows)
+
+
 def test_a_file_is_refused_by_the_other_studies(tmp_path, capsys):
     options = ['--params-file', str(FILE), '--output', str(tmp_path / 'out.csv')]
 

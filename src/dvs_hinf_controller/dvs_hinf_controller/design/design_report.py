@@ -68,7 +68,7 @@ def _cells(design: Design, event_threshold: float) -> dict[str, str]:
         'peak gain w to ||x||, N_G': f'{figures.state_peak_gain:.5g}',
         "peak gain w to c'x, N_T": f'{figures.output_peak_gain:.5g}',
         **_cost_rows(figures),
-        'delta certified': f'{figures.delta_certified:.5g}',
+        'delta certified': finite_or_any(figures.delta_certified, 5),
         'h certified (guaranteed)': threshold_words(figures.h_certified),
         'h <= h*': _word(event_threshold <= figures.h_star),
         'h <= h certified': _word(event_threshold <= figures.h_certified),

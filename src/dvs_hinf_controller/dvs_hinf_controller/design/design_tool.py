@@ -32,7 +32,7 @@ from dvs_hinf_controller.design.design_warnings import (
     design_warnings,
 )
 from dvs_hinf_controller.design.figure_words import threshold_words
-from dvs_hinf_controller.design.pareto import pareto, save_pareto
+from dvs_hinf_controller.design.pareto import UNITS, ParetoPoint, pareto, save_pareto
 from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
@@ -131,14 +131,15 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _pareto(scenario: Scenario, path: Path) -> None:
-    points = []
-    print(f'{"parameter":<16} {"value":>10}  h_certified        h*')
+    points: list[ParetoPoint] = []
     for point in pareto(scenario):
+        if not points:
+            print(f'{"parameter":<23} {"value":>10}  h_certified        h*')
         points.append(point)
-        row = (
-            f'{point.parameter:<16} {point.value:>10.4g}  {threshold_words(point.h_certified):>11}'
-        )
-        print(f'{row}  {threshold_words(point.h_star):>8}', flush=True)
+        name = f'{point.parameter} [{UNITS[point.parameter]}]'
+        h_certified, h_star = threshold_words(point.h_certified), threshold_words(point.h_star)
+        row = f'{name:<23} {point.value:>10.4g}  {h_certified:>11}  {h_star:>8}'
+        print(row, flush=True)
     picture = save_pareto(points, path)
     print(f'table: {path}, figure: {picture}', file=sys.stderr)
 

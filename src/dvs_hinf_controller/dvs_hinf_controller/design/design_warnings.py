@@ -20,7 +20,8 @@ from dvs_hinf_controller.problem import DesignProblem
 
 # Methods whose speed the slack of the norm decides; `certified` chooses it for the period.
 _SLACK_METHODS = ('unstructured', 'structured')
-# A feedback that moves the state by a smaller share of the tolerance counts as next to none.
+# A feedback that moves the state by a smaller share of the tolerance, and the luminosity by a
+# smaller share of itself, counts as next to none.
 _NO_FEEDBACK = 0.01
 
 
@@ -125,6 +126,8 @@ def _of_little_feedback(design: Design) -> Iterator[str]:
     counted = operation and operation.model_uncertainty > 0 and np.any(operation.disturbance_bound)
     moved = figures.state_peak_gain * problem.mean_luminosity
     if counted or moved >= _NO_FEEDBACK * problem.tolerance:
+        return
+    if figures.output_peak_gain >= _NO_FEEDBACK:  # as that of every unstable plant
         return
     if figures.state_peak_gain == 0:
         what = 'no feedback at all, u is constant'

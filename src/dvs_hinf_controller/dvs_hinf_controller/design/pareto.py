@@ -16,8 +16,10 @@ from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import whole_file, write_text
 from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
 
+UNITS = {'sampling_period': 's', 'loop_latency': 's', 'bandwidth_limit': 'rad/s'}
 COLUMNS = ('parameter', 'value', 'h_certified', 'h_star', 'fastest_pole', 'slowest_pole')
 # Multiples of the scenario's own period, and of its inverse for the bandwidth.
 _PERIODS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
@@ -61,7 +63,13 @@ def pareto(scenario: Scenario) -> Iterator[ParetoPoint]:
     ----------
     scenario
         Checked parameters.
+
+    Raises
+    ------
+    ParameterError
+        If no controller can exist, whatever the period.
     """
+    DesignProblem.from_scenario(scenario)
     period = scenario.loop.sampling_period
     yield from _along(
         scenario,
@@ -126,14 +134,9 @@ def save_pareto(points: Sequence[ParetoPoint], path: Path) -> Path:
 
 
 def _figure(points: Sequence[ParetoPoint]) -> Figure:
-    names = {
-        'sampling_period': 'sampling_period [s]',
-        'loop_latency': 'loop_latency [s]',
-        'bandwidth_limit': 'bandwidth_limit [rad/s]',
-    }
     figure = Figure(figsize=(11, 4), layout='constrained')
-    panels = figure.subplots(1, len(names), sharey=True)
-    for axes, (name, label) in zip(panels, names.items(), strict=True):
+    panels = figure.subplots(1, len(UNITS), sharey=True)
+    for axes, (name, unit) in zip(panels, UNITS.items(), strict=True):
         mine = [point for point in points if point.parameter == name]
         values = [point.value for point in mine]
         for attribute, style, text in (
@@ -143,7 +146,7 @@ def _figure(points: Sequence[ParetoPoint]) -> Figure:
             heights = [_shown(getattr(point, attribute)) for point in mine]
             axes.plot(values, heights, style, label=text)
         axes.set_xscale('log' if name != 'loop_latency' else 'linear')
-        axes.set(xlabel=label)
+        axes.set(xlabel=f'{name} [{unit}]')
         axes.grid(alpha=0.3, which='both')
     panels[0].set(ylabel='event threshold h [log_b units]')
     panels[0].set_ylim(bottom=0)

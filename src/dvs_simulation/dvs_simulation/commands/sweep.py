@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from dvs_common.errors import ParameterError
 from dvs_common.output_folder import output_file
 from dvs_common.scenario.scenario import load_scenario
+from dvs_hinf_controller.design.figure_words import threshold_words
 from dvs_simulation.sweep import own_plant
 from dvs_simulation.sweep.certificate import certificate_study, summarize_certificate
 from dvs_simulation.sweep.cluster import Cluster, TlsFiles
@@ -148,6 +150,10 @@ def _study(options: argparse.Namespace) -> Study:
     return pixels_study(runs=runs, seed=options.seed)
 
 
+def _found(h: float) -> str:
+    return f'{h:.4f}' if math.isfinite(h) else 'not one'
+
+
 def _report(study: Study, rows: list[dict[str, str]]) -> int:
     if study.name == 'certificate':
         summary = summarize_certificate(rows)
@@ -167,11 +173,12 @@ def _report(study: Study, rows: list[dict[str, str]]) -> int:
         )
         return 1 if promised.violations or promised.dark_in_spite else 0
     if study.name == own_plant.NAME:
+        print('least h that left eps, and bounds on h (any, none):')
         print('method         random   adversarial   h*       h_certified')
         for own in own_plant.own_thresholds(rows):
             print(
-                f'{own.method:12} {own.random:8.4f}   {own.adversarial:11.4f}   '
-                f'{own.h_star:.4f}   {own.h_certified:.4f}'
+                f'{own.method:12} {_found(own.random):>8}   {_found(own.adversarial):>11}   '
+                f'{threshold_words(own.h_star):>7}  {threshold_words(own.h_certified):>7}'
             )
     if study.name == 'threshold':
         print('method        r   simulated   h*       h_certified')

@@ -32,6 +32,8 @@ _SHORTEST_S = 1e-3
 _MOST_TRIALS = 200
 # A step of the adversary, as a share of its room, and how it shrinks where nothing gets worse.
 _FIRST_STEP, _SHRINK = 0.5, 0.8
+# Share of the tolerance that the slowest pole leaves of the farthest start.
+_LEFT_OF_THE_START = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +95,7 @@ def own_plant_study(
             continue
         bounds = [h for h in (figures.h_star, figures.h_certified) if 0 < h < math.inf]
         if not bounds:
-            print(f'{method}: left out: no threshold is certified for it, or every one')
+            print(f'{method}: left out: h* and h_certified are none, or any')
             continue
         thresholds = (3 * max(bounds) * np.arange(1, steps + 1) / steps).tolist()
         parameters = {
@@ -139,7 +141,12 @@ def run_own_plant_task(
     loop = ClosedLoop.from_scenario(scenario, design.controller)
     rows = []
     for h in thresholds:
-        search = _Adversary(loop.with_threshold(h), scenario, np.random.default_rng([seed, 1]))
+        search = _Adversary(
+            loop.with_threshold(h),
+            scenario,
+            np.random.default_rng([seed, 1]),
+            slowest_pole=design.figures.closed_loop_abscissa,
+        )
         for kind, limsup in (('random', search.random(runs)), ('adversarial', search.climb(runs))):
             rows.append(
                 {
@@ -159,11 +166,23 @@ def run_own_plant_task(
 class _Adversary:
     """Searches starts and references for the largest limsup at one threshold."""
 
-    def __init__(self, loop: ClosedLoop, scenario: Scenario, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        loop: ClosedLoop,
+        scenario: Scenario,
+        rng: np.random.Generator,
+        *,
+        slowest_pole: float,
+    ) -> None:
         self._loop, self._rng = loop, rng
-        self._duration = 2 * float(scenario.loop.duration)
         self._widths = (loop.bounds.upper - loop.bounds.lower) / 2
         self._room = self._free_room(scenario)
+        # A run that has not settled has not left eps.
+        farthest = float(np.linalg.norm(scenario.error_weights * self._room))
+        share = farthest / (_LEFT_OF_THE_START * scenario.objective.tolerance)
+        settled_s = math.log(max(share, 1.0)) / -slowest_pole
+        duration = 2 * float(scenario.loop.duration)
+        self._duration = duration * max(1.0, settled_s / settled_from(duration))
         self._worst, self._at = 0.0, np.zeros(loop.model.state_count + loop.pixel_count)
 
     def _free_room(self, scenario: Scenario) -> FloatArray:
