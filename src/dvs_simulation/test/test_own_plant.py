@@ -39,7 +39,7 @@ def test_an_adversarial_disturbance_is_at_least_as_bad_as_a_random_one(rows):
 
 
 def test_a_run_that_has_not_settled_has_not_left_eps():
-    """A loop whose slowest pole needs 20 s, in a scenario of 4 s, below its certified threshold."""
+    """A slowest pole that needs 20 s in a scenario of 4 s, below the certified threshold."""
     heading = load_scenario(ROOT / 'config' / 'textbook' / 'heading.yaml')
     slow = heading.replace(settling_time=0.0, duration=4.0)
     rows = run_own_plant_task(
