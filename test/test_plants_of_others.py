@@ -13,6 +13,7 @@ from loop_support import (
     ROOT,
     UNHURRIED,
     environment,
+    listening,
     operating,
     ros_arguments,
     run_closed_loop,
@@ -23,6 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from dvs_common.scenario.scenario import Scenario
+from dvs_common.wire import topics
 from dvs_common.wire.messages import pack_image
 
 VOLATILE = QoSProfile(depth=10)
@@ -98,6 +100,8 @@ def test_the_example_of_a_listener_tells_what_its_depth_has_cost(domain, process
     loop = ros_arguments({**UNHURRIED, 'event_threshold': 0.02})
     for executable in ('event_camera', 'hinf_controller', 'plant_sim'):
         processes.append(start(executable, domain, loop))
+    with listening(domain) as first:
+        assert first.spin_until(lambda: len(first.streams[topics.EVENTS]) > 100)
     listeners = [
         subprocess.Popen(
             [

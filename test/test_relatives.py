@@ -129,7 +129,8 @@ RELATIVES = {
         'test_a_longer_period_is_unstable_and_a_shorter_one_stable',
         'test_tool_warns_of_a_period_that_is_too_long',
         'test_stable_plant_left_alone_needs_no_samples',
-        'test_a_sampling_period_beyond_the_longest_is_warned_of',
+        'test_a_period_beyond_it_is_called_unstable',
+        'test_below_the_longest_stable_period_a_fine_loop_decays_and_beyond_it_grows',
     ),
     '24-single-file-zstd': (
         'test_a_bag_of_ros_2_in_every_form',
