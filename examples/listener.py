@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""A subscriber of `events` that knows what it missed: depth, absolute times, gaps in the index.
+"""A subscriber of `events` that counts what it missed: depth, absolute times, gaps in the index.
 
-Say after a while how many packets and events came, and how many events did not. `--away` lets it
+Print after a while how many packets and events came, and how many events did not. `--away` lets it
 not run for so long once a second, as a plot that is redrawn does.
 """
 
@@ -48,7 +48,7 @@ class Listener:
 
 
 def main() -> None:
-    """Listen for a while and say what came."""
+    """Listen for a while and print what came."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--depth', type=int, default=1000, help='of the subscription (1000)')
     parser.add_argument('--away', type=float, default=0.0, help='s a second not to run (0)')

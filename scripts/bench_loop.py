@@ -1,7 +1,7 @@
 """Measure the lockstep loop against the fastest trivial ring that rclpy offers.
 
 Both run over Fast DDS, in turns, within one run, as three processes and as three nodes of one: the
-ratio of their cycle rates says what the loop costs beyond the middleware. The ring passes nine
+ratio of their cycle rates shows what the loop costs beyond the middleware. The ring passes nine
 doubles around with rclpy's EventsExecutor and its message objects.
 """
 

@@ -109,7 +109,7 @@ def _run(
 
 
 def _listen(domain: int, rates: Queue[list[float]], seconds: float) -> None:
-    """First a rate that the plant tells on /diagnostics, then all those of a while.
+    """First a rate that the plant reports on /diagnostics, then all those of a while.
 
     A subscriber there does not disturb the loop. An empty list where it makes no cycle.
     """

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes docs/library.md from docstrings; with --check only says whether it is up to date."""
+"""Writes docs/library.md from docstrings; with --check only reports whether it is up to date."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def cell(text: str) -> str:
     Parameters
     ----------
     text
-        What the cell says.
+        Text of the cell.
     """
     return text.replace('|', '\\|')
 

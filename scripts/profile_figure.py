@@ -56,7 +56,7 @@ def _draw_profile(axes: Any, scenario: Scenario, trace: Trace) -> None:
     assert profile is not None
     inside = at + np.linspace(-line.reach, line.reach, 2)
     axes.plot(profile.positions, profile.luminosities, label='profile: 32 stretches of the wall')
-    axes.plot(inside, _line(scenario, inside), '--', label='line that the design knows')
+    axes.plot(inside, _line(scenario, inside), '--', label='line of the design')
     seen = trace.states @ scenario.model.output_vector + scenario.scene.brightness_offsets.mean()
     axes.plot(seen, profile.luminosity(seen), lw=4, alpha=0.4, label='seen in the run')
     axes.plot([at], [profile.luminosity(np.array(at))], 'ko', ms=4, label='set-point')

@@ -74,7 +74,7 @@ def test_a_node_starts_from_its_own_dump(domain, processes, tmp_path):
     assert output == ''
 
 
-def test_all_parameters_are_told_at_once_as_ros2_param_dump_asks(domain, processes):
+def test_all_parameters_are_given_at_once_as_for_ros2_param_dump(domain, processes):
     for executable in NODES:
         processes.append(start(executable, domain))
     with operating(domain) as operator:

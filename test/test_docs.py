@@ -167,7 +167,7 @@ def tools_of(text):
     return {tool for piece in code if (match := TOOL.match(piece)) for tool in [match[1]]}
 
 
-def test_every_ros_tool_that_a_page_names_is_said_to_have_been_tried_or_not():
+def test_every_ros_tool_that_a_page_names_is_in_the_table_of_what_was_tried():
     index = (ROOT / 'docs' / 'README.md').read_text(encoding='utf-8')
     table = index.partition('## ROS tools')[2]
     tried = set(TOOL.findall(table))

@@ -157,7 +157,7 @@ def test_every_command_of_a_section_works(page, section, domain, tmp_path):
     CHECKS.get(title_of(page, section), lambda *_: None)(folder, output)
 
 
-def test_what_is_not_run_says_why():
+def test_what_is_not_run_has_a_reason():
     for page in PAGES:
         for block in blocks_of(page):
             assert not block.not_run or len(block.not_run.split()) > 2, (page, block.line)

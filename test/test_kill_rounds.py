@@ -101,7 +101,7 @@ class Rounds:
         return late and level == ERROR and 'luminosity <= 0' in message
 
     def has_ended_with_a_reason(self):
-        """A node ended by itself, and its last line says why."""
+        """A node ended by itself, and its last line is the reason."""
         for process in self.running.values():
             if process.poll() not in (None, -9):
                 if not process.stdout.closed:

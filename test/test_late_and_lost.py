@@ -252,9 +252,7 @@ def worst_sector_ratio(operator, luminosities, estimates):
     ],
     ids='-'.join,
 )
-def test_a_camera_that_starts_again_in_the_midst_tells_where_its_references_are(
-    order, domain, processes
-):
+def test_a_camera_that_starts_again_in_the_midst_gives_its_references(order, domain, processes):
     started = {}
     for executable in ('plant_sim', 'hinf_controller', 'event_camera'):
         started[executable] = start(executable, domain, ros_arguments(UNHURRIED))

@@ -117,7 +117,7 @@ def test_what_is_set_while_inactive_holds_from_the_activation_on(executable, dom
     assert 'Traceback' not in output
 
 
-def test_a_plant_starts_where_it_was_told_to_while_inactive(domain, processes):
+def test_a_plant_starts_where_it_was_set_to_while_inactive(domain, processes):
     plant = start('plant_sim', domain, ros_arguments({'autostart': False}))
     processes.append(plant)
     with operating(domain) as operator:

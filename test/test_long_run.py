@@ -121,7 +121,7 @@ def run_for(seconds, folder, domain, processes):
 
     assert (count.index.lost, count.index.restarts) == (0, 0)
     assert np.array_equal(told.counts, count.kept[told.stamp_ns])
-    # The estimate of a controller that is told where the references began, and these counts.
+    # The estimate of a controller that knows where the references began, and these counts.
     fresh = event_controller(design_from_scenario(scenario), scenario)
     fresh.take_keyframe(told)
     known = fresh.references.intervals

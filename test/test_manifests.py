@@ -135,7 +135,7 @@ class Named(ast.NodeTransformer):
 
 
 def setup_arguments(package: Path) -> dict[str, object]:
-    """What setup.py tells setuptools; its package.xml is read as at a build."""
+    """What setup.py gives setuptools; its package.xml is read as at a build."""
     tree = ast.parse((package / 'setup.py').read_text(encoding='utf-8'))
     call = next(
         node
@@ -150,7 +150,7 @@ def setup_arguments(package: Path) -> dict[str, object]:
 
 
 @pytest.mark.parametrize('package', PACKAGES, ids=lambda path: path.name)
-def test_pip_is_told_of_every_import(package: Path) -> None:
+def test_pip_gets_every_import(package: Path) -> None:
     """Each is required or in an extra; all bounds are those of the requirements files."""
     arguments = setup_arguments(package)
     install, extras = arguments['install_requires'], arguments['extras_require']

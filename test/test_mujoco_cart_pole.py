@@ -136,7 +136,7 @@ def rendered(states):
     pytest.skip(f'neither EGL nor OSMesa renders here ({"; ".join(reasons)})')
 
 
-def test_rendered_frames_show_what_the_optics_say():
+def test_rendered_frames_show_what_the_optics_compute():
     generator = np.random.default_rng(3)
     states = generator.uniform(-1, 1, (200, 4)) * (0.15, 0.05, 1.0, 1.0)
 

@@ -1,4 +1,4 @@
-"""Frames that a camera never took are counted and said."""
+"""Frames that a camera never took are counted and reported."""
 
 import signal
 

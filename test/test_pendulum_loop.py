@@ -59,7 +59,7 @@ def test_parameters_that_do_not_fit_are_refused(parameters, message, domain, pro
     assert message in refusal('pendulum_sim', domain, processes, **parameters)
 
 
-def test_its_scenario_says_the_first_luminosity():
+def test_its_scenario_bounds_the_first_luminosity():
     scenario = load_scenario(PENDULUM)
     offsets = scenario.scene.brightness_offsets
     first = np.sin(scenario.initial_state[0]) + offsets

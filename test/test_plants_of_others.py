@@ -95,7 +95,7 @@ def test_nodes_take_what_a_publisher_of_any_qos_offers_with_a_warning(domain, pr
     assert 'best effort' not in controller
 
 
-def test_the_example_of_a_listener_tells_what_its_depth_has_cost(domain, processes):
+def test_the_example_of_a_listener_counts_what_its_depth_has_cost(domain, processes):
     # A fine threshold: events in every second, also where a busy machine runs the loop slowly.
     loop = ros_arguments({**UNHURRIED, 'event_threshold': 0.02})
     for executable in ('event_camera', 'hinf_controller', 'plant_sim'):

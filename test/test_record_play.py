@@ -122,7 +122,7 @@ def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes,
     assert 'Traceback' not in output
     assert 'no event lost' in output
     recorded = read_bag(bag)
-    # The nodes told their parameters.
+    # The nodes gave their parameters.
     assert recorded.scenario['real_time_factor'] == 0.5
     # A sample that waited half a second is answered again, under the same stamp.
     stamps = sorted({parse_command(message).stamp_ns for message in recorded.of(topics.COMMAND)})
@@ -250,7 +250,7 @@ def test_play_waits_for_subscribers_and_ends_on_ctrl_c(waits, domain, processes,
     assert '0 of 1 messages played' in output
 
 
-def test_play_begins_at_once_where_it_is_told_to(domain, processes, tmp_path):
+def test_play_begins_at_once_with_no_wait(domain, processes, tmp_path):
     with BagWriter(tmp_path / 'bag', {topics.CLOCK: 'rosgraph_msgs/msg/Clock'}) as bag:
         bag.write(topics.CLOCK, 0, pack_clock(0))
     player = start('dvs_closed_loop', domain, ['play', str(tmp_path / 'bag'), '--no-wait'])
@@ -316,7 +316,7 @@ def test_wrong_arguments_are_one_clear_message(arguments, message, domain, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_best_effort_camera_is_recorded_and_said_to_be_one(domain, processes, tmp_path):
+def test_a_best_effort_camera_is_recorded_and_named_as_one(domain, processes, tmp_path):
     recorder = start(
         'dvs_closed_loop', domain, ['record', str(tmp_path / 'bag'), '--topics', 'luminosity']
     )

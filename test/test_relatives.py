@@ -52,7 +52,7 @@ RELATIVES = {
         'test_colours_become_luma',
     ),
     '09-record-a-best-effort-camera': (
-        'test_a_best_effort_camera_is_recorded_and_said_to_be_one',
+        'test_a_best_effort_camera_is_recorded_and_named_as_one',
         'test_a_publisher_that_appears_without_latching_is_recorded',
         'test_a_subscription_asks_for_what_every_publisher_offers',
         'test_a_late_subscriber_in_lockstep_gets_the_message_that_waits',
@@ -66,7 +66,7 @@ RELATIVES = {
     ),
     '12-scene-of-60-pictures': (
         'test_scene_waits_for_subscribers_so_that_its_first_picture_is_not_lost',
-        'test_scene_begins_at_once_where_it_is_told_to',
+        'test_scene_begins_at_once_with_no_wait',
         'test_play_waits_for_subscribers_and_ends_on_ctrl_c',
         'test_play_begins_at_once_where_it_is_told_to',
     ),
@@ -81,7 +81,7 @@ RELATIVES = {
         'test_pixel_without_light_starts_with_its_first_luminosity',
         'test_integer_images_may_be_black',
         'test_camera_without_a_stated_uncertainty_starts_with_any_picture',
-        'test_black_pixels_of_a_float_image_hold_and_are_said_once',
+        'test_black_pixels_of_a_float_image_hold_and_are_logged_once',
         'test_meaningless_luminosity_is_counted_and_the_pixel_holds',
     ),
     '15-joint-names-in-another-order': (
@@ -146,7 +146,7 @@ RELATIVES = {
         'test_the_variable_that_keeps_ros_from_starting_is_named',
     ),
     '33-numba-disable-jit': (
-        'test_whatever_numba_is_told_the_events_are_the_same',
+        'test_whatever_the_settings_of_numba_the_events_are_the_same',
         'test_machine_without_numba_falls_back_or_names_the_package',
         'test_cache_of_compiled_kernels_that_is_broken_costs_one_line_and_no_result',
         'test_a_number_of_threads_that_numba_can_not_start_with_is_left_out',
@@ -161,7 +161,7 @@ RELATIVES = {
         'test_a_figure_is_the_same_whatever_is_set_around_it',
         'test_a_matplotlibrc_of_the_user_is_left_out',
         'test_matplotlib_is_loaded_in_one_place',
-        'test_a_warning_of_a_library_ends_no_program_whatever_python_is_told',
+        'test_a_warning_of_a_library_ends_no_program_whatever_the_options_of_python',
     ),
     '39-hangup-while-recording': (
         'test_a_hang_up_closes_the_bag_that_is_recorded',
@@ -185,14 +185,14 @@ RELATIVES = {
         'test_a_ros_clock_that_is_set_back_is_followed_at_once',
     ),
     '45-interrupt-a-sweep': (
-        'test_ctrl_c_keeps_the_rows_and_says_one_line',
+        'test_ctrl_c_keeps_the_rows_and_prints_one_line',
         'test_a_killed_sweep_goes_on_and_counts_nothing_twice',
         'test_a_finished_sweep_starts_no_cluster',
         'test_a_signal_during_the_imports_ends_a_program_in_order',
     ),
     '46-step-at-a-fine-threshold': (
         'test_flood_is_refused_before_it_fills_the_memory_and_the_next_sample_starts_anew',
-        'test_camera_starts_again_and_says_why',
+        'test_camera_starts_again_and_logs_why',
         'test_refractory_pixels_have_no_flood',
         'test_day_of_silence_costs_one_packet',
     ),

@@ -114,7 +114,7 @@ SHORTCUTS = {
 
 
 @pytest.mark.parametrize('key', SHORTCUTS)
-def test_a_shortcut_says_what_it_is_worth_as_the_page_of_benchmarks_does(key):
+def test_a_shortcut_names_its_gain_as_the_page_of_benchmarks_does(key):
     table = (ROOT / 'docs' / 'benchmarks.md').read_text()
     measured = re.search(rf'^\| `{key}` .*\| ([\d.]+) \|$', table, re.MULTILINE)
     source = ' '.join((ROOT / 'src' / SHORTCUTS[key]).read_text().split())

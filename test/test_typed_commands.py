@@ -368,7 +368,7 @@ def test_parameters_that_a_page_sets_exist(page):
     assert set(names) <= {*SCHEMA, 'use_sim_time'}
 
 
-def test_every_rule_is_needed_and_says_why():
+def test_every_rule_is_needed_and_has_a_reason():
     typed = [command for page in PAGES for group in groups_of(page) for command in group]
     named = [command for page in PAGES for command in named_in_text(page)]
     for rules, commands in ((TYPED, typed), (NAMED, named)):

@@ -21,6 +21,7 @@ REPLACED = re.compile(
     no\ light\ does | while\ (?:someone|nobody)\ listens |   # not physically possible; subscribers
     listens?\ to | worth\ listening |
     speaks? | spoke | believes? | believed |                 # publishes, uses, assumes, takes
+    tells | told(?!\ apart) |                                # gives, reports, shows
     insists? | unheard | costs\ a\ word | without\ a\ word |   # a line of warning
     (?:says?|said)\ so | fights? | fought                      # logs, prints, warns; limits
     )\b"""

@@ -24,7 +24,7 @@ PIXELS = np.array([-0.005, 0.0, 0.005])
 
 
 class CartPole:
-    """The plant as the suite wants it: a state, and a way to advance it."""
+    """The plant in the form that the suite takes: a state, and a way to advance it."""
 
     def __init__(self, initial_state: FloatArray) -> None:
         self._model = mujoco.MjModel.from_xml_path(str(MODEL))

@@ -10,7 +10,7 @@ manifest = ElementTree.parse('package.xml')
 def beside(name):
     """Requirement of a package in the folder beside this one, where it is; no index has it."""
     folder = Path.cwd().parent / name
-    # colcon wants a host.
+    # colcon refuses a URL without a host.
     url = folder.as_uri().replace('file://', 'file://localhost', 1)
     return f'{name} @ {url}' if (folder / 'setup.py').is_file() else name
 

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.processes
 
 
 class Received(LiveView):
-    """A view that tells which topics brought something."""
+    """A view that notes which topics brought something."""
 
     def __init__(self):
         super().__init__()

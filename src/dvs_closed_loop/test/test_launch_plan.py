@@ -184,5 +184,5 @@ def test_a_viewer_is_no_part_of_the_loop(viewer):
     assert plan.viewer not in (*plan.partners, plan.plant)
 
 
-def test_every_argument_says_what_it_means():
+def test_every_argument_has_a_description():
     assert all(len(argument.description) > 10 for argument in ARGUMENTS)

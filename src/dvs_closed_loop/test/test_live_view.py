@@ -1,4 +1,4 @@
-"""What the live page gets: small frames that say what the streams say."""
+"""What the live page gets: small frames of what is on the streams."""
 
 import json
 

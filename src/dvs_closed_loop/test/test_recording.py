@@ -134,7 +134,7 @@ def test_a_full_disk_leaves_a_readable_bag(storage, tiny_disk):
     assert_is_a_beginning(tiny_disk / 'bag', least=4000)
 
 
-def test_a_disk_that_is_full_already_is_said_at_the_start(tiny_disk):
+def test_a_disk_that_is_full_already_is_reported_at_the_start(tiny_disk):
     with (tiny_disk / 'ballast').open('wb') as file:
         os.posix_fallocate(file.fileno(), 0, 5 * 2**20)
 

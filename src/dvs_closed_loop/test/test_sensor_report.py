@@ -21,7 +21,7 @@ def test_events_are_counted_by_time_polarity_and_pixel():
     assert counts.pixels[3, 7] == np.sum((events.x == 7) & (events.y == 3))
 
 
-def test_a_file_of_a_sensor_is_reported_and_what_is_cut_off_is_said(tmp_path, capsys):
+def test_a_file_of_a_sensor_is_reported_and_what_is_cut_off_is_named(tmp_path, capsys):
     path = tmp_path / 'sensor.dat'
     path.write_bytes(dat_bytes(some_events(1000))[:-3])
 

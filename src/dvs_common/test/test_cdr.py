@@ -1,4 +1,4 @@
-"""CDR: what is written is read back, and bytes that are missing are said to be missing."""
+"""CDR: what is written is read back, and bytes that are missing are reported."""
 
 import numpy as np
 import pytest

@@ -26,7 +26,7 @@ sys.exit(run_program({module!r}))
 
 
 @pytest.mark.parametrize('wanted', ['error', 'error::DeprecationWarning'])
-def test_a_warning_of_a_library_ends_no_program_whatever_python_is_told(wanted, tmp_path):
+def test_a_warning_of_a_library_ends_no_program_whatever_the_options_of_python(wanted, tmp_path):
     (tmp_path / 'warns.py').write_text(
         'import os, warnings\nwarnings.warn("old", DeprecationWarning)\n'
         'def main():\n    print(os.environ["PYTHONWARNINGS"])\n    return 0\n'
@@ -42,11 +42,11 @@ def test_a_warning_of_a_library_ends_no_program_whatever_python_is_told(wanted, 
     ('wanted', 'left'), [('0', None), ('-2', None), ('4', '4'), ('many', 'many')]
 )
 def test_a_number_of_threads_that_numba_can_not_start_with_is_left_out(wanted, left, tmp_path):
-    (tmp_path / 'tells.py').write_text(
+    (tmp_path / 'prints.py').write_text(
         'import os\ndef main():\n    print(os.environ.get("NUMBA_NUM_THREADS"))\n    return 0\n'
     )
 
-    result = run('tells', tmp_path, NUMBA_NUM_THREADS=wanted)
+    result = run('prints', tmp_path, NUMBA_NUM_THREADS=wanted)
 
     assert (result.returncode, result.stdout) == (0, f'{left}\n')
     line = f'tool: NUMBA_NUM_THREADS={wanted} is left out: it must be at least 1\n'

@@ -86,7 +86,7 @@ def test_a_value_that_breaks_the_rule_is_refused(parameter, value, rule):
 
 
 @given(st.floats(), st.floats(-10, 10), st.floats(0, 10), st.booleans())
-def test_an_interval_contains_what_its_words_say(number, low, length, low_open):
+def test_an_interval_contains_what_its_text_describes(number, low, length, low_open):
     interval = Interval(low=low, high=low + length, low_open=low_open)
 
     above = number > low if low_open else number >= low

@@ -77,7 +77,7 @@ def test_arguments_that_ros_refuses_are_named():
         own_arguments(['program', '--ros-args', '-p', ''])
 
 
-def test_a_namespace_that_the_middleware_refuses_is_told():
+def test_a_namespace_that_the_middleware_refuses_is_reported():
     arguments = ['program', '--ros-args', '-r', f'__ns:=/{"a" * 300}']
 
     with (

@@ -57,7 +57,7 @@ class EventCamera:
     ----------
     make_pixels
         Makes the pixel array for a first frame, given as luminosities of shape (r,) and the
-        darkest luminosity that its encoding can tell.
+        darkest luminosity that its encoding can resolve.
     backend
         `auto`, `numba` or `numpy`.
     noise_rate
@@ -100,7 +100,7 @@ class EventCamera:
         backend
             `auto`, `numba` or `numpy`.
         first_reference
-            ``|q(0)|``, shape (r,); None for what `initial_reference` says.
+            ``|q(0)|``, shape (r,); None for what `initial_reference` sets.
 
         Raises
         ------

@@ -102,7 +102,7 @@ class EventCameraNode(ManagedNode):
         self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
 
     def _events_qos(self) -> QoSProfile:
-        """Deep in a loop; a camera by itself can't tell how large its packets will be."""
+        """Deep in a loop; a camera without a loop has no bound on the size of its packets."""
         mode = self._scenario.loop.mode
         if not self.is_given('pixel_grid'):
             return topics.handshake_qos(mode)
@@ -223,7 +223,7 @@ class EventCameraNode(ManagedNode):
         if exposure.started:
             self._report_waiting(frame)
         changed = self._change_threshold() or self._camera.waiting_pixels < waiting
-        # What tells of the packet's events and of those after it goes before it.
+        # A keyframe for the packet's events and those after it goes before it.
         self._publish_keyframe(frame.stamp_ns, due_now=exposure.started or changed)
         self._publish_anchor(frame)
         for packet in exposure.packets:

@@ -15,7 +15,7 @@ from dvs_event_camera.pixels.photoreceptor import (
 )
 from dvs_event_camera.pixels.pixel_array import PixelArray
 
-# Who leaves the uncertainty at its default says nothing about (A1), and no pixel may violate it.
+# An uncertainty left at its default states nothing about (A1), and no pixel may violate it.
 _UNSTATED_UNCERTAINTY = SensorParameters().reference_uncertainty
 
 
@@ -27,7 +27,7 @@ def photoreceptor_of_scenario(scenario: Scenario, darkest: float = 0.0) -> Photo
     scenario
         All parameters.
     darkest
-        Darkest luminosity that the images can tell: a floor of the logarithm.
+        Darkest luminosity that the images can resolve: a floor of the logarithm.
     """
     if scenario.sensor.photoreceptor == 'signed_log':
         return SignedLogPhotoreceptor(dead_band=scenario.sensor.dead_band)
@@ -76,13 +76,13 @@ def pixels_of_scenario(
     luminosity
         First sample, shape (r,).
     darkest
-        Darkest luminosity that the images can tell.
+        Darkest luminosity that the images can resolve.
     backend
         `auto`, `numba` or `numpy`.
     bounds
         Whether to work out the bounds of the references from the first sample.
     first_reference
-        ``|q(0)|``, shape (r,); None for what `initial_reference` says.
+        ``|q(0)|``, shape (r,); None for what `initial_reference` sets.
 
     Raises
     ------

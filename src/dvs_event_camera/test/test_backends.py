@@ -320,7 +320,7 @@ def test_machine_without_numba_falls_back_or_names_the_package(monkeypatch):
     ],
     ids=lambda variables: next(iter(variables)),
 )
-def test_whatever_numba_is_told_the_events_are_the_same(variables):
+def test_whatever_the_settings_of_numba_the_events_are_the_same(variables):
     code = (
         'import numpy as np\n'
         'from dvs_event_camera.pixels.pixel_array import PixelArray\n'

@@ -137,7 +137,7 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
     assert set(zip(packet.x, packet.y, strict=True)) == {(2, 1)}
     assert 'noise' in parse_events(bytes(labels[-1])).events.dtype.names
 
-    # Junk is refused, another size starts the sensor again, and both are told.
+    # Junk is refused, another size starts the sensor again, and both are logged.
     publisher.publish(pack_image(stamp + MS, np.zeros((4, 5, 2), np.uint8), 'yuv420'))
     publisher.publish(b'\x00\x01\x00\x00 rubbish')
     publisher.publish(pack_image(stamp + MS, np.full((2, 2), 50, np.uint8), 'mono8'))
@@ -200,7 +200,7 @@ def test_scene_waits_for_subscribers_so_that_its_first_picture_is_not_lost(graph
     assert code == 0, err
 
 
-def test_scene_begins_at_once_where_it_is_told_to(graph):
+def test_scene_begins_at_once_with_no_wait(graph):
     code, _, err = graph.start('tools.scene_node', '--frames', '3', '--no-wait').wait()
     assert code == 0, err
 
@@ -277,7 +277,7 @@ def test_scene_refuses_what_makes_no_sense(graph, arguments):
     assert 'Traceback' not in err
 
 
-def test_black_pixels_of_a_float_image_hold_and_are_said_once(graph):
+def test_black_pixels_of_a_float_image_hold_and_are_logged_once(graph):
     camera = graph.start(CAMERA, event_threshold=0.1)
     heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())

@@ -53,7 +53,7 @@ def test_refractory_pixels_have_no_flood():
     assert len(array.update(MS, np.full(50, 200.0))) == 10 * 50
 
 
-def test_camera_starts_again_and_says_why(monkeypatch):
+def test_camera_starts_again_and_logs_why(monkeypatch):
     monkeypatch.setattr(event_flood, 'MOST_EVENTS', 1000)
     values = {'event_threshold': 1e-3, 'reference_uncertainty': 0.0}
     camera = EventCamera.of_scenario(Scenario.from_values(values))

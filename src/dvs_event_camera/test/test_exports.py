@@ -69,7 +69,7 @@ def test_aedat4_is_read_by_the_library_of_its_makers(raw, events, tmp_path):
     assert np.array_equal(found['polarity'] > 0, events.p == 1)
 
 
-def test_tonic_reads_aedat4_and_npy_and_tells_on_from_off(raw, events, tmp_path):
+def test_tonic_reads_aedat4_and_npy_with_their_polarities(raw, events, tmp_path):
     tonic = pytest.importorskip('tonic')
     to_frame = tonic.transforms.ToFrame(sensor_size=(640, 480, 2), n_time_bins=1)
     records = np.load(convert(raw, tmp_path / 'out.npy'))

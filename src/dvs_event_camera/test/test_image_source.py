@@ -183,7 +183,7 @@ def test_compressed_image_that_is_none():
 
 @pytest.mark.parametrize('shape', [(1, 65_537), (65_537, 1)])
 def test_more_columns_than_an_event_can_name_are_refused(shape):
-    with pytest.raises(MessageError, match='an event knows 65536 rows and columns'):
+    with pytest.raises(MessageError, match='coordinates of an event end at 65536'):
         parse_luminosity(pack_image(0, np.ones(shape, np.uint8), 'mono8'))
 
 

@@ -256,7 +256,7 @@ def test_a_file_that_ends_early_is_read_up_to_there(suffix, cut, raw, tmp_path, 
     'suffix', ['.raw', '.dat', '.txt', '.npz', '.npy', '.h5', '.aedat4', '.mcap', '.db3', '.bag']
 )
 @pytest.mark.parametrize('content', [b'', b'\x93garbage \xff\n' * 9])
-def test_what_is_empty_or_something_else_is_said_in_one_line(suffix, content, tmp_path, capsys):
+def test_what_is_empty_or_something_else_is_refused_in_one_line(suffix, content, tmp_path, capsys):
     path = tmp_path / f'x{suffix}'
     path.write_bytes(content)
 
@@ -312,7 +312,7 @@ def test_a_corrupted_archive_is_read_up_to_there(labelled, tmp_path):
         (['nowhere.raw', 'out.csv'], 'does not exist'),
     ],
 )
-def test_what_cannot_be_converted_is_said_in_one_line(arguments, reason, raw, tmp_path, capsys):
+def test_what_cannot_be_converted_is_refused_in_one_line(arguments, reason, raw, tmp_path, capsys):
     resolved = [str(raw) if a == 'IN' else a for a in arguments]
     resolved[1] = resolved[1] if resolved[1] == str(raw) else str(tmp_path / resolved[1])
 

@@ -121,7 +121,7 @@ def test_limit_and_seconds_bound_what_is_shown(bag, capsys):
         ['BAG', '--seconds', 'nan'],
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(arguments, bag, capsys):
+def test_what_is_wrong_is_printed_in_one_line(arguments, bag, capsys):
     arguments = [str(bag) if a == 'BAG' else a for a in arguments]
     assert show_events.main(['show_events', *arguments]) == (1 if '--csv' in arguments else 2)
     err = capsys.readouterr().err
@@ -196,7 +196,7 @@ def test_an_event_from_before_the_last_packet_is_out_of_order():
     ('events', 'rate'),
     [(20, '20.0 events/s'), (9_000, '9000.0 events/s'), (50_000, '0.050 Mev/s')],
 )
-def test_the_rate_is_said_in_a_unit_that_can_be_read(events, rate):
+def test_the_rate_is_printed_in_a_unit_that_can_be_read(events, rate):
     second = np.zeros(events, EVENT_DTYPE)
     second['index'] = np.arange(events)
     statistics = StreamStatistics()

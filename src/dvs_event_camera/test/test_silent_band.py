@@ -55,6 +55,6 @@ def test_what_has_no_logarithm_is_never_silent(y):
     assert not SilentBand(np.array([0.0, 0.0]), 0.15).holds([1.0, y])
 
 
-def test_thresholds_that_no_number_can_tell_leave_no_band():
+def test_thresholds_below_the_resolution_of_numbers_leave_no_band():
     assert not SilentBand(np.array([0.0]), 1e-12).holds([1.0])
     assert not SilentBand(np.array([709.0]), 2.0).holds([math.exp(709.0)])

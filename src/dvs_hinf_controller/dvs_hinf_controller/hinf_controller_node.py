@@ -256,7 +256,7 @@ class HinfControllerNode(ManagedNode):
         self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
 
     def _report_threshold(self) -> None:
-        """Tell of another threshold as soon as it holds: a keyframe may announce it beforehand."""
+        """Report another threshold as soon as it holds: a keyframe may announce it beforehand."""
         before, self._threshold = self._threshold, self._controller.event_threshold
         if before == self._threshold:
             return

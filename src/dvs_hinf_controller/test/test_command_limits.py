@@ -1,4 +1,4 @@
-"""Limits of the command and of its rate: what is sent, and the lag that K is told of."""
+"""Limits of the command and of its rate: what is sent, and the lag that K measures besides."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What keyframes tell the running controller: counts, thresholds, and starts of the sensor."""
+"""What keyframes give the running controller: counts, thresholds, and starts of the sensor."""
 
 import dataclasses
 
@@ -29,16 +29,16 @@ from dvs_hinf_controller.running.event_controller import EventController, Packet
 from dvs_hinf_controller.running.reference_state import Synchrony
 
 
-@pytest.mark.parametrize('told', [2, 3, 4, 5], ids='told at {}'.format)
+@pytest.mark.parametrize('given', [2, 3, 4, 5], ids='given at {}'.format)
 @pytest.mark.parametrize('about', [3, 4], ids='about {}'.format)
-def test_a_keyframe_puts_the_counts_right_after_a_loss(told, about):
+def test_a_keyframe_puts_the_counts_right_after_a_loss(given, about):
     packets = packets_of(COURSE)
     whole, lossy = running(), running()
     for number, one in enumerate(packets):
         whole.take(one)
         if number != 2:
             lossy.take(one)
-        if number == told:
+        if number == given:
             lossy.take_keyframe(keyframe_after(packets[: about + 1]))
 
     assert lossy.synchrony is Synchrony.EXACT
@@ -59,11 +59,11 @@ def test_a_keyframe_confirms_what_was_counted():
 
 def test_a_keyframe_of_another_array_is_refused():
     with pytest.raises(MessageError, match='keyframe of 2 pixels, the array has 6'):
-        told = keyframe(0, [0] * PIXELS)
-        running().take_keyframe(dataclasses.replace(told, counts=np.zeros(2, np.int64)))
+        given = keyframe(0, [0] * PIXELS)
+        running().take_keyframe(dataclasses.replace(given, counts=np.zeros(2, np.int64)))
 
 
-def test_a_keyframe_tells_where_references_were_when_counting_began():
+def test_a_keyframe_gives_the_references_of_when_counting_began():
     found = running()
     first = found.estimate.copy()
     found.take(packet(MS, [], 0))
@@ -129,8 +129,8 @@ def test_a_new_threshold_starts_from_where_the_references_are():
     found.take_keyframe(keyframe(0, [0] * PIXELS))
     found.take(packet(0))
     moved = np.where(np.arange(PIXELS) == 2, 2 * H, 0.0)
-    told = keyframe(MS, [0] * PIXELS, moved=moved, next_index=2, event_threshold=0.05)
-    found.take_keyframe(told)
+    given = keyframe(MS, [0] * PIXELS, moved=moved, next_index=2, event_threshold=0.05)
+    found.take_keyframe(given)
     assert found.event_threshold == H
     found.take(packet(MS, [(-5, 2, 1, 1), (-3, 2, 1, 1)]))
     assert found.event_threshold == H
@@ -168,7 +168,7 @@ def test_two_changes_of_the_threshold_while_away_are_no_restart():
     np.testing.assert_allclose(found.estimate, expected, rtol=1e-12)
 
 
-def test_a_sensor_that_starts_again_tells_where_its_references_are_now():
+def test_a_sensor_that_starts_again_gives_its_references_of_now():
     found = running()
     found.take_keyframe(keyframe(0, [0] * PIXELS))
     for one in packets_of(COURSE):
@@ -186,7 +186,7 @@ def test_a_sensor_that_starts_again_tells_where_its_references_are_now():
     assert found.take(packet(stamp_ns + MS, [(-5, 2, 1, 1)], 0)).lost_events == 0
 
 
-def test_a_sensor_that_can_not_tell_where_its_references_are_leaves_them_unknown():
+def test_a_sensor_without_bounds_of_its_references_leaves_them_unknown():
     found = running()
     found.take(packet(0))
     nothing, anything = np.zeros(PIXELS), np.full(PIXELS, np.inf)

@@ -88,10 +88,10 @@ def test_a_comparison_shows_what_works_and_why_the_rest_does_not(
 
     assert main(['--params-file', str(first_order), '--compare', '--json']) == 0
 
-    told = capsys.readouterr()
-    assert {design['method'] for design in json.loads(told.out)} >= {'unstructured', 'certified'}
-    assert 'fails: ' in told.err
-    assert 'no observer gain was found' in told.err
+    given = capsys.readouterr()
+    assert {design['method'] for design in json.loads(given.out)} >= {'unstructured', 'certified'}
+    assert 'fails: ' in given.err
+    assert 'no observer gain was found' in given.err
 
 
 def test_a_comparison_saves_no_design(params_file: Path, tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_tool_warns_of_a_period_that_is_too_long(
     assert 'at sampling_period = 0.1 s the loop is unstable' in capsys.readouterr().err
 
 
-def test_tool_says_what_is_wrong(
+def test_the_tool_prints_what_is_wrong(
     params_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['--params-file', str(tmp_path / 'absent.yaml')]) == 2

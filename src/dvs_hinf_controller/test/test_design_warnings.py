@@ -231,7 +231,7 @@ def test_within_its_promise_a_scenario_has_no_warning(name):
     assert warnings_of(name, {}) == []
 
 
-def test_no_feedback_at_all_is_told_from_next_to_none():
+def test_no_feedback_at_all_is_not_taken_for_next_to_none():
     problem = DesignProblem.from_scenario(Scenario.from_values(STABLE))
     nothing = LinearController(
         state_matrix=np.zeros((0, 0)),
@@ -280,16 +280,16 @@ def no_constant(name: str) -> None:
     'values',
     [STABLE, {**STABLE, 'method': 'structured'}, {'threshold_uncertainty': [0.1]}, {}],
 )
-def test_json_tells_what_the_text_tells_in_numbers_that_json_has(values, tmp_path, capsys):
+def test_json_has_what_the_text_has_in_numbers_that_json_has(values, tmp_path, capsys):
     file = tmp_path / 'scenario.yaml'
     file.write_text(json.dumps({'/**': {'ros__parameters': values}}))
 
     assert main(['--params-file', str(file), '--json']) == 0
 
-    told = capsys.readouterr()
-    found = json.loads(told.out, parse_constant=no_constant)
+    given = capsys.readouterr()
+    found = json.loads(given.out, parse_constant=no_constant)
     assert [f'warning: {found["method"]}: {text}' for text in found['warnings']] == (
-        told.err.splitlines()
+        given.err.splitlines()
     )
     any_threshold = 'h_certified' in found['unlimited']
     assert (found['h_certified'] is None) == any_threshold

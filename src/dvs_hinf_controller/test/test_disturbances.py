@@ -106,7 +106,7 @@ def test_a_load_costs_its_static_response_and_nothing_with_integral_action(plain
     assert moved.error < 1e-6
 
 
-def test_integral_action_is_refused_where_the_pixels_can_not_tell_the_loads():
+def test_integral_action_is_refused_where_the_pixels_can_not_distinguish_the_loads():
     scenario = MIRROR.replace(
         input_matrix=(1.0, 0.0, 0.0, 1.0), integral_action=True, set_point=(0.2321, -0.0928)
     )
@@ -167,7 +167,7 @@ def test_a_plant_that_the_controller_does_not_hold_leaves_no_promise():
     assert design_from_scenario(backwards).figures.h_certified == -math.inf
 
 
-def test_a_further_plant_settles_where_its_own_equations_say(plain):
+def test_a_further_plant_settles_at_the_equilibrium_of_its_own_equations(plain):
     a, b = np.array([[2.02, 10.0], [0.0, 5.0]]), np.array([[1.0], [1.0]])
     held = plain.problem.equilibrium
     drift = a @ held.state + b @ held.feedforward

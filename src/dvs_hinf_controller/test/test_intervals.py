@@ -11,7 +11,7 @@ from dvs_common.errors import ParameterError
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_common.wire.cdr import MessageError
 from dvs_hinf_controller.analysis.sector import sector
-from dvs_hinf_controller.running.interval_arithmetic import Told
+from dvs_hinf_controller.running.interval_arithmetic import SensorBounds
 from dvs_hinf_controller.running.intervals import ReferenceIntervals
 from dvs_hinf_controller.running.packet_history import Counted, PacketHistory
 from dvs_hinf_controller.running.pixel_health import PixelHealth
@@ -96,8 +96,8 @@ class Sensor:
         )
         self.noted = 0
 
-    def told(self):
-        return Told(
+    def given(self):
+        return SensorBounds(
             event_threshold=H,
             counts=self.counts.copy(),
             signs=np.ones(PIXELS, np.int8),
@@ -151,10 +151,10 @@ def test_the_true_reference_lies_in_its_interval_at_every_instant(data, bounds, 
             row = st.tuples(st.integers(0, PIXELS - 1), st.sampled_from([1, -1]))
             sensor.fire(data.draw(st.lists(row, max_size=4)), lost=happening == 'lost')
         elif happening == 'keyframe':
-            # Its index tells of every loss before it.
             sensor.fire([], lost=False)
-            sensor.known.confirm(sensor.told())
-        elif happening == 'anchor':
+            sensor.known.confirm(sensor.given())
+        elif happening == 'anchor' and not sensor.noted:
+            # An anchor waits for the packet of its stamp, which shows every loss before it.
             _, y = measured = sensor.now_ns, sensor.luminosity()[1]
             sensor.known.cut(y, after(sensor.history, sensor.now_ns, sensor.now_ns))
         elif happening == 'late anchor' and measured is not None:
@@ -164,7 +164,7 @@ def test_the_true_reference_lies_in_its_interval_at_every_instant(data, bounds, 
             measured = None
             sensor.start(BOUNDS)
             sensor.noted = 0
-            sensor.known.restart(sensor.told())
+            sensor.known.restart(sensor.given())
         elif happening == 'forget':
             sensor.known.forget()
         if not sensor.noted:
@@ -206,7 +206,7 @@ def test_what_a_loss_has_added_goes_with_a_keyframe():
     sensor = Sensor(IDEAL, lambda: 0.0)
     sensor.counts = np.array([2, 0, 1])
 
-    assert known.confirm(sensor.told()) == 2
+    assert known.confirm(sensor.given()) == 2
 
     assert np.array_equal(known.lower, BOUNDS.lower)
     assert np.array_equal(known.upper, BOUNDS.upper)

@@ -37,7 +37,7 @@ def test_looking_ahead_changes_no_bit(sequence):
         stamp_ns = 0 if happening == 'back' else stamp_ns + duration_ns
         epoch += happening == 'back'
         h = 0.5 * H if happening == 'threshold' else H
-        told = keyframe(
+        given = keyframe(
             stamp_ns, np.arange(PIXELS), epoch=epoch, next_index=index, event_threshold=h
         )
         for controller in (plain, ahead):
@@ -47,7 +47,7 @@ def test_looking_ahead_changes_no_bit(sequence):
                 )
                 controller.redirect(further, CONTROLLERS['stable'])
             elif happening:
-                controller.take_keyframe(told)
+                controller.take_keyframe(given)
         foreseen = ahead.foreseen(packet(stamp_ns, rows, index))
         for controller in (plain, ahead):
             with contextlib.suppress(MessageError):

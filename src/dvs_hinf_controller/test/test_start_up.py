@@ -1,4 +1,4 @@
-"""What the controller says when it starts: the figures of its design, and what it warns of."""
+"""What the controller logs when it starts: the figures of its design, and what it warns of."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""What a plant node and the driver that passes its time know of each other."""
+"""What a plant node and the driver that passes its time use of each other."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class SampledPlant(Protocol):
         """Why no command comes, in words."""
 
     def advertise_on_demand(self, message_type: type, topic: str, qos: Any) -> Any:
-        """Publisher that knows its subscribers; see `ManagedNode.advertise_on_demand`."""
+        """Publisher that reports its subscribers; see `ManagedNode.advertise_on_demand`."""
 
     def listen(
         self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: Any

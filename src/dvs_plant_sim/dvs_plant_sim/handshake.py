@@ -6,7 +6,7 @@ from dvs_common.wire.cdr import MessageError
 
 
 class Handshake:
-    """Counts samples and tells which command is the awaited one.
+    """Counts samples and finds which command is the awaited one.
 
     Parameters
     ----------

@@ -147,7 +147,7 @@ class LockstepDriver:
             self._publish_due()
 
     def troubles(self) -> list[Trouble]:
-        """What is wrong with the handshake: nothing that the age of the command does not say."""
+        """What is wrong with the handshake: nothing that the age of the command does not show."""
         return []
 
     def figures(self) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""The base of every simulated plant: a subclass says how its state moves, this does the rest."""
+"""The base of every simulated plant: a subclass moves the state, this does the rest."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class PlantNode(ManagedNode):
         Further arguments of `rclpy.node.Node`.
     """
 
-    # Parameters that only this plant knows; their names begin with PLANT_GROUP.
+    # Parameters of this plant alone; their names begin with PLANT_GROUP.
     own_parameters: ClassVar[Sequence[ParameterSpec]] = ()
     plant: Dynamics
 

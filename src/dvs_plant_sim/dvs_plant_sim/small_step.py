@@ -22,7 +22,7 @@ _DOUBLE = 8
 
 
 class SmallStep:
-    """Advances a plant by its sampling period; `fits` tells for which plants it can.
+    """Advances a plant by its sampling period; `fits` is true for plants for which it can.
 
     Parameters
     ----------

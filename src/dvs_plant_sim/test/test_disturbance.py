@@ -50,7 +50,7 @@ def test_the_seed_decides(make):
     assert np.abs(one - other).max() > 0
 
 
-def test_noise_has_the_size_that_the_parameters_say():
+def test_noise_has_the_size_of_the_parameters():
     increments = np.diff(walk(integrator(), 20_000, input_disturbance=2.0)[:, 0])
     assert increments.std() == pytest.approx(2.0 * 1e-3, rel=0.03)
 

@@ -25,7 +25,7 @@ def swing(pendulum, *, seconds, torque, step_ns=MS):
 
 @pytest.mark.parametrize('torque', [0.0, 0.3, -1.0])
 @pytest.mark.parametrize('initial', [(0.3, 0.0), (3.0, -8.0)])
-def test_it_moves_as_dop853_says(torque, initial):
+def test_it_moves_as_dop853_integrates_it(torque, initial):
     c = constants()
     exact = solve_ivp(
         lambda _, x: [x[1], c.acceleration(x[0], x[1], torque)],

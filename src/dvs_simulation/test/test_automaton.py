@@ -123,7 +123,7 @@ def test_exact_tangency_counts_as_reached():
     assert run.event_time[0] == pytest.approx(np.pi / 2, abs=1e-6)
 
 
-def test_events_of_a_wave_stand_where_the_arcsine_says():
+def test_events_of_a_wave_stand_at_the_arcsine():
     h = 0.05
     run = simulate(wave(0.5, threshold=h), duration=np.pi / 2)
     levels = 2 * np.exp(h * np.arange(1, run.event_count + 1))

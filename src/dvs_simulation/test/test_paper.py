@@ -85,7 +85,7 @@ def test_every_number_of_the_paper_is_met(paper):
     assert all(abs(float(row['deviation_percent'])) < 0.5 for row in optima)
 
 
-def test_counterexample_violates_the_tolerance_as_the_theory_page_says(paper):
+def test_the_counterexample_violates_the_tolerance_as_on_the_theory_page(paper):
     rows = {row['quantity']: row for row in table(paper)}
     row = rows['counterexample: limsup ||x|| at h = 0.15']
     assert float(row['ours']) == pytest.approx(0.060, rel=0.05)
@@ -169,7 +169,7 @@ def test_every_figure_is_written(paper):
         assert movie.n_frames == 6
 
 
-def test_flashes_tell_the_polarity_and_fade():
+def test_flashes_show_the_polarity_and_fade():
     experiment = run_platform()
     glow = event_glow(experiment, frame_times(40))
     assert glow.min() == -1

@@ -203,7 +203,7 @@ def test_a_scheduler_with_tls_needs_its_files(tmp_path):
         pass
 
 
-def test_ctrl_c_keeps_the_rows_and_says_one_line(tmp_path):
+def test_ctrl_c_keeps_the_rows_and_prints_one_line(tmp_path):
     path = tmp_path / 'sweep.csv'
     command = ['sweep', '--study', 'certificate', '--plants', '200', '--runs', '4']
     command += ['--workers', '2', '--no-progress', '--output', str(path)]

@@ -190,7 +190,7 @@ def test_the_transient_is_that_of_the_loop_and_not_of_its_slowest_pole_alone():
 @pytest.mark.parametrize(
     ('h_certified', 'word'), [(0.05, '(nothing promised)'), (math.inf, 'any (promised)')]
 )
-def test_the_verdict_says_whether_the_promise_stood(h_certified, word):
+def test_the_verdict_names_whether_the_promise_stood(h_certified, word):
     promised = dataclasses.replace(PROMISED, h_certified=h_certified)
     verdict = judged(run([0.0, 0.01]), promised=promised)
 

@@ -38,7 +38,7 @@ class RecordedBag:
     scenario_name
         Name of the scenario.
     writer
-        Distribution that wrote the bag, as far as it says.
+        Distribution that wrote the bag, as far as it is named there.
     damage
         What could not be read; empty if the bag is whole.
     """

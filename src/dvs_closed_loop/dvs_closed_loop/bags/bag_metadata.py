@@ -1,4 +1,4 @@
-"""What a rosbag2 says of its topics, and of itself in `metadata.yaml`."""
+"""What a rosbag2 holds on its topics, and on itself in `metadata.yaml`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bag says about a run, also where the recording began late, lost or mixed something."""
+"""What a bag holds of a run, also where the recording began late, lost or mixed something."""
 
 from __future__ import annotations
 

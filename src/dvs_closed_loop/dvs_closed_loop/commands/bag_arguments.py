@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the bag, and what tells which loop and topics of it are meant.
+    """Add the bag, and the options that choose loop and topics of it.
 
     Parameters
     ----------

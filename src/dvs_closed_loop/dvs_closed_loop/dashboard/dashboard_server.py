@@ -88,7 +88,7 @@ class DashboardServer:
         Parameters
         ----------
         frame
-            Anything that JSON can say.
+            Anything that JSON can hold.
         """
         text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
         self._loop.call_soon_threadsafe(self._spread, text, frame)

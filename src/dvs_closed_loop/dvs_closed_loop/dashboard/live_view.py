@@ -50,7 +50,7 @@ class LiveView:
     Parameters
     ----------
     namespace
-        Namespace of the loop, whose controller is told by it among others on /diagnostics.
+        Namespace of the loop, by which its controller is found among others on /diagnostics.
     """
 
     def __init__(self, namespace: str = '') -> None:
@@ -309,7 +309,7 @@ def _rounded(values: FloatArray) -> list[float | None]:
 
 
 def _shown(value: float) -> float | None:
-    """A number in six digits; JSON knows none that is not finite."""
+    """A number in six digits; JSON has none that is not finite."""
     return float(f'{value:.6g}') if math.isfinite(value) else None
 
 

@@ -29,7 +29,7 @@ from dvs_simulation.judging.trace import IncompleteTraceError, decode_trace
 from dvs_simulation.judging.unjudged import Unjudged, without_states
 from dvs_simulation.judging.verdict import Verdict, judge
 
-# What tells of a run.
+# Results of a run.
 _OF_A_RUN = ('bag', 'result.json', 'figure.png', 'report.html', 'report.png')
 
 

@@ -135,7 +135,7 @@ def loop_plan(
 
 
 def _resolved(scenario: Scenario, parameters: Mapping[str, object]) -> dict[str, object]:
-    """Values that differ from the file; nodes are told the profile, and need not have its file."""
+    """Values that differ from the file; nodes get the profile, and need not have its file."""
     profile = scenario.profile.brightness_profile
     return {**({'brightness_profile': profile} if profile else {}), **parameters}
 

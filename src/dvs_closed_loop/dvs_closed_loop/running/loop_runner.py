@@ -151,7 +151,7 @@ class _RunningLoop:
         self._receive_the_end()
 
     def _is_over_for_us(self) -> bool:
-        """Whether a plant that knows nothing of a duration has run for so long."""
+        """Whether a plant without a duration of its own has run for so long."""
         duration = self._scenario.loop.duration
         return not self.recorder.plant_waited and 0 < duration <= self.recorder.answered_s
 

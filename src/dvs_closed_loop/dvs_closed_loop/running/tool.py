@@ -30,11 +30,11 @@ class Tool:
 
     @property
     def stop(self) -> StopSignal:
-        """Whether the user wants to stop."""
+        """Whether the user has asked for a stop."""
         return self.session.stop
 
     def spin(self, seconds: float) -> None:
-        """Handle what comes for `seconds`, or until the user wants to stop.
+        """Handle what comes for `seconds`, or until the user stops it.
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ class ManagedNode(StreamNode):
     executable
         Name of the executable, and of the node unless it is remapped.
     own_parameters
-        Parameters of an open group of the schema that this node alone knows; None if it does not
+        Parameters of an open group of the schema that this node alone has; None if it does not
         own the group.
     **node_arguments
         Further arguments of `rclpy.node.Node`.

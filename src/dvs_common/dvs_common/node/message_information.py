@@ -1,4 +1,4 @@
-"""What the middleware knows of a message, beside the message itself."""
+"""What the middleware reports of a message, beside the message itself."""
 
 from __future__ import annotations
 

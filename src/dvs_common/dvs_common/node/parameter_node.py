@@ -25,7 +25,7 @@ class ParameterNode(LifecycleNode):
     executable
         Name of the executable, and of the node unless it is remapped.
     own_parameters
-        Parameters of an open group of the schema that this node alone knows; None if it does not
+        Parameters of an open group of the schema that this node alone has; None if it does not
         own the group.
     **node_arguments
         Further arguments of `rclpy.node.Node`.
@@ -169,7 +169,7 @@ class ParameterNode(LifecycleNode):
         return {name: values[name] for name in overrides if name not in own}
 
     def _declare(self, spec: ParameterSpec, value: Value) -> None:
-        """Declare a parameter; of an empty list rclpy has to be told the type."""
+        """Declare a parameter; of an empty list rclpy needs the type."""
         kind = ROS_TYPE[spec.kind]
         empty = value == ()
         self.declare_parameter(

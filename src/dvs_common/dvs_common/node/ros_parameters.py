@@ -1,4 +1,4 @@
-"""The schema's parameters as rclpy wants them: types, descriptors, plain values."""
+"""The schema's parameters as rclpy takes them: types, descriptors, plain values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROS_TYPE = {
 
 
 def plain(value: Any) -> Any:
-    """Value as the schema knows it: rclpy hands out lists as arrays, and empty ones as None.
+    """Value as the schema has it: rclpy hands out lists as arrays, and empty ones as None.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def plain(value: Any) -> Any:
 
 
 def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
-    """What ROS is told about a parameter.
+    """Descriptor of a parameter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the middleware must not use shared memory, and how it is told so.
+"""Where the middleware must not use shared memory, and how that is switched off.
 
 Fast DDS is killed (SIGBUS) by a full /dev/shm. What it puts there can be written by its owner
 alone: nodes of two users find each other, and no message arrives.
@@ -55,7 +55,7 @@ def _lack_of_room(folder: str) -> str | None:
 
 
 def _another_user(domain: int, folder: str) -> str | None:
-    """Say who else has nodes in the domain: each holds the lock of its port."""
+    """Find who else has nodes in the domain: each holds the lock of its port."""
     first = _FIRST_PORT + _PORTS * domain
     try:
         locks = list(Path(folder).iterdir())
@@ -99,7 +99,7 @@ def _user_name(number: int) -> str:
 def _use_udp_alone() -> None:
     is_local = os.environ.get(_RANGE, '').upper() == 'LOCALHOST'
     if is_local or os.environ.get(_LOCALHOST_ONLY) == '1':
-        # That range adds shared memory whatever the transports are said to be.
+        # That range adds shared memory whatever the transports are set to.
         os.environ.pop(_LOCALHOST_ONLY, None)
         os.environ.update({_RANGE: 'SYSTEM_DEFAULT', _PROFILES: str(_UDP_ON_THIS_MACHINE)})
     else:

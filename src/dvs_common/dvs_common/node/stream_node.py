@@ -37,7 +37,7 @@ class StreamNode(ParameterNode):
     executable
         Name of the executable, and of the node unless it is remapped.
     own_parameters
-        Parameters of an open group of the schema that this node alone knows; None if it does not
+        Parameters of an open group of the schema that this node alone has; None if it does not
         own the group.
     **node_arguments
         Further arguments of `rclpy.node.Node`.
@@ -97,7 +97,7 @@ class StreamNode(ParameterNode):
     def advertise_on_demand(
         self, message_type: type, topic: str, qos: QoSProfile
     ) -> DemandedPublisher:
-        """Publisher that knows whether it has subscribers; see `advertise`.
+        """Publisher that reports whether it has subscribers; see `advertise`.
 
         Parameters
         ----------

@@ -106,7 +106,7 @@ class PlantModel:
         Parameters
         ----------
         who
-            What knows one group only.
+            What is made for one group only.
         """
         if self.group_count > 1:
             raise ParameterError(

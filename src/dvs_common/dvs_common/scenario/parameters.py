@@ -1,4 +1,4 @@
-"""All parameters of the suite: typed groups, and access by the flat names that ROS knows.
+"""All parameters of the suite: typed groups, and access by the flat names of ROS.
 
 The defaults are the scenario ``mirror_r3``.
 """
@@ -36,7 +36,7 @@ from dvs_common.scenario.uncertainty_parameters import UncertaintyParameters
 
 __all__ = ['CAMERA', 'CONTROLLER', 'GROUPS', 'PLANT', 'PLANT_GROUP', 'SCHEMA', 'Parameters']
 
-# Parameters of a plant other than the linear one: only its own node knows and checks them.
+# Parameters of a plant other than the linear one: only its own node declares and checks them.
 PLANT_GROUP = 'plant.'
 
 GROUPS = MappingProxyType(
@@ -80,7 +80,7 @@ class Parameters:
     objective
         What the loop shall reach.
     sensor
-        What sensor and estimator must know alike.
+        What sensor and estimator must have in common.
     camera
         Input, pixels and streams of the camera.
     imperfections

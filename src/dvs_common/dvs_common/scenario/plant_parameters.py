@@ -163,7 +163,7 @@ class DisturbanceParameters(ParameterGroup):
     )
     output_disturbance: float = parameter(
         0.0,
-        'Constant added to the luminosity of every pixel, of which the controller does not know',
+        'Constant added to the luminosity of every pixel, which the controller has no model of',
         nodes=(PLANT,),
         unit='luminosity',
     )

@@ -1,4 +1,4 @@
-"""What sensor and estimator must know alike: a threshold as a step, and where references start."""
+"""What sensor and estimator share: a threshold as a step, and where references start."""
 
 from __future__ import annotations
 

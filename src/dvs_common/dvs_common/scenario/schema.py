@@ -194,7 +194,7 @@ class Schema(Mapping[str, ParameterSpec]):
     specs
         Parameters; names must differ.
     open_groups
-        Prefixes of names that another node knows and checks.
+        Prefixes of names that another node declares and checks.
     """
 
     def __init__(self, specs: Iterable[ParameterSpec], open_groups: tuple[str, ...] = ()) -> None:

@@ -1,4 +1,4 @@
-"""What sensor and estimator must know alike."""
+"""What sensor and estimator must have in common."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class CommandCopy:
     Parameters
     ----------
     topic
-        Where it is published, which tells the type as well.
+        Where it is published, which determines the type as well.
     places
         For Twist and Wrench, place of every input among the six numbers; empty for an array.
     """

@@ -10,7 +10,7 @@ from dvs_common.wire.cdr import CdrReader
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """What a node says of itself.
+    """What a node reports of itself.
 
     Parameters
     ----------

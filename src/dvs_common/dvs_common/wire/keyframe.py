@@ -1,4 +1,4 @@
-"""What travels on `keyframe`: all that a consumer needs to know of the sensor to be right."""
+"""What travels on `keyframe`: all that a consumer needs of the state of the sensor."""
 
 from __future__ import annotations
 

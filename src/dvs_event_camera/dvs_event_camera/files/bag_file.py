@@ -38,7 +38,7 @@ class BagFile:
     custom
         What the recorder noted beside the messages.
     distribution
-        ROS distribution that wrote the bag; empty where it is not said.
+        ROS distribution that wrote the bag; empty where it is not named.
 
     Raises
     ------

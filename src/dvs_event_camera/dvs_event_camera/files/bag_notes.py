@@ -1,4 +1,4 @@
-"""What a bag says of itself: in its metadata.yaml, and in copies of that within its files.
+"""What a bag holds on itself: in its metadata.yaml, and in copies of that within its files.
 
 A recorder writes the copy when it begins and metadata.yaml when it ends, so that of a recorder
 that was killed the copy is left. MCAP: a metadata record called ``rosbag2``. SQLite: a table.
@@ -36,7 +36,7 @@ class BagNotes:
     custom
         Data of the recorder's own by key.
     distribution
-        ROS distribution that wrote the bag; empty where it is not said.
+        ROS distribution that wrote the bag; empty where it is not named.
     """
 
     files: tuple[str, ...] = ()

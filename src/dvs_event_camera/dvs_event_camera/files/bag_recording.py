@@ -135,7 +135,7 @@ def _stretches(bag: BagFile, topic: BagTopic) -> Iterator[Stretch]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Form:
-    """What the first message says of all."""
+    """What the first message has in common with all."""
 
     encoding: str
     width: int = 0

@@ -1,4 +1,4 @@
-"""The files that bags are made of, each read by the library that knows it."""
+"""The files that bags are made of, each read by the library that reads its format."""
 
 from __future__ import annotations
 

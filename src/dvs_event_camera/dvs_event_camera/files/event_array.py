@@ -40,7 +40,7 @@ class EventArray:
     width
         Columns of the sensor.
     events
-        Its events; times are what their stamps say.
+        Its events; times are their stamps.
     """
 
     stamp_ns: int

@@ -193,7 +193,7 @@ def _edges(t: Any, source: Any, rising: Any) -> Triggers:
 
 
 def _size_of(file: Any) -> tuple[int, int]:
-    """Columns and rows of the sensor, (0, 0) where the file does not say."""
+    """Columns and rows of the sensor, (0, 0) where the file does not hold them."""
     attributes = file.attrs
     found = re.match(r'(\d+)x(\d+)', str(attributes.get('geometry', '')))
     if found:

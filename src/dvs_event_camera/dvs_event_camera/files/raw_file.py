@@ -40,12 +40,12 @@ class TextHead:
 
     @property
     def width(self) -> int:
-        """Columns of the sensor, 0 if it is not said."""
+        """Columns of the sensor, 0 if they are not given."""
         return int(self._number('width') or self._geometry()[0])
 
     @property
     def height(self) -> int:
-        """Rows of the sensor, 0 if it is not said."""
+        """Rows of the sensor, 0 if they are not given."""
         return int(self._number('height') or self._geometry()[1])
 
     def _number(self, key: str) -> str:

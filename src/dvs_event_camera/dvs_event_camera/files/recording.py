@@ -58,9 +58,9 @@ class Recording:
     encoding
         How the events are written down: `evt3`, `libcaer_cmp`, `aedat4`, `hdf5`, ...
     width
-        Columns of the sensor; 0 where the recording does not say.
+        Columns of the sensor; 0 where the recording does not hold it.
     height
-        Rows of the sensor; 0 where the recording does not say.
+        Rows of the sensor; 0 where the recording does not hold it.
     whole_microseconds
         Whether all times are whole microseconds, as a sensor counts them.
     read
@@ -118,12 +118,12 @@ def are_pixel_numbers(values: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def measured_size(recording: Recording) -> tuple[int, int]:
-    """Columns and rows of the sensor: as the recording says, or the least that hold all events.
+    """Columns and rows of the sensor: as in the recording, or the least that hold all events.
 
     Parameters
     ----------
     recording
-        The recording; read once through where it does not say.
+        The recording; read once through where it does not hold them.
     """
     if recording.width and recording.height:
         return recording.width, recording.height

@@ -17,7 +17,7 @@ _DAT_EVENT_BYTES = 8
 _DAT_OVERFLOW = 2**32
 _MNIST_SIZE = 34
 _MNIST_EVENT_BYTES = 5
-# An "event" in this row says that the clock has run over (Orchard et al. 2015).
+# An "event" in this row marks an overflow of the clock (Orchard et al. 2015).
 _MNIST_OVERFLOW_ROW, _MNIST_OVERFLOW = 240, 2**13
 
 

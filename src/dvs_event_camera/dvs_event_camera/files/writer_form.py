@@ -1,4 +1,4 @@
-"""What a writer of events is and what it has to know before the first event."""
+"""What a writer of events is and what it needs before the first event."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writers of events: what other libraries read by default, without losing what they do not know.
+"""Writers of events: what other libraries read by default, and what they have no place for.
 
 | format | suffix | as |
 |---|---|---|

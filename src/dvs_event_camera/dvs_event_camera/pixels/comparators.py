@@ -1,7 +1,7 @@
 """The comparators of a pixel array: levels of a tile of pixels in, events of the interval out.
 
 An array works through a frame in tiles that fit into the processor's cache, so that a frame
-without events costs one pass over memory. A comparator is told when an interval begins, is handed
+without events costs one pass over memory. A comparator is called when an interval begins, gets
 the levels tile by tile, and gives the events in order at the end.
 """
 

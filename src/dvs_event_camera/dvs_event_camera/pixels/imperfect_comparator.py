@@ -16,11 +16,11 @@ from dvs_event_camera.pixels.shot_noise import NEVER, IndexArray, ShotQueue
 class ImperfectComparator:
     """Pixels with thresholds of their own, a refractory period, shot noise or a physical reset.
 
-    While a pixel is refractory its reference waits. Afterwards a pixel with `reset: ladder` tells
-    what it has missed, one event a period; one with `reset: level` fires once and goes on from the
-    present level. A shot-noise event moves the reference as any other event does.
+    While a pixel is refractory its reference waits. Afterwards a pixel with `reset: ladder` fires
+    for what it has missed, one event a period; one with `reset: level` fires once and goes on
+    from the present level. A shot-noise event moves the reference as any other event does.
 
-    The pixels that have something to say are worked on together, one event each a round.
+    The pixels that are to fire are worked on together, one event each a round.
 
     Parameters
     ----------

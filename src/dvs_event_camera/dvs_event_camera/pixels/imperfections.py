@@ -17,8 +17,9 @@ class Imperfections:
     threshold_mismatch
         Standard deviation of a pixel's ON and OFF thresholds, each relative to h and frozen.
     refractory_period
-        Time after an event in which a pixel is silent, s. Its reference waits: what the luminosity
-        has done meanwhile is told afterwards, at most one event a period, so no polarity is lost.
+        Time after an event in which a pixel fires no other, s. Its reference waits: what the
+        luminosity has done meanwhile gives events afterwards, at most one a period, so that no
+        polarity is lost.
     leak_rate
         ON events a second of a pixel in constant light, 1/s: the reference leaks.
     event_threshold_off
@@ -26,7 +27,7 @@ class Imperfections:
     reset
         What the reference becomes at an event. `ladder`: it moves by the threshold. `level`: the
         present level, as in the sensor's circuit; a pixel that fires late (after a refractory
-        period, or a spurious event) does not tell what it has missed.
+        period, or a spurious event) fires no events for what it has missed.
     shot_noise_rate
         Spurious events a second of a pixel, ON and OFF alike, 1/s. The reference moves with them:
         on the ladder the pixel undoes them at its next crossing, with `reset: level` it does not.

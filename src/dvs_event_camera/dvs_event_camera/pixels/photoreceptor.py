@@ -1,7 +1,7 @@
 """From luminosity to the level that a pixel compares: the photoreceptor as a strategy.
 
 A level is a natural logarithm (or what takes its place); an event is a change of the level by
-``h ln b``. A level that is not finite says that the luminosity has no meaning for this
+``h ln b``. A level that is not finite means that the luminosity has no meaning for this
 photoreceptor; the pixel array counts it and the pixel holds its last value.
 """
 
@@ -36,7 +36,7 @@ class Photoreceptor(Protocol):
         """
 
     def floored(self, luminosity: FloatArray) -> FloatArray:
-        """Smallest luminosities that the photoreceptor cannot tell from `luminosity`, or itself.
+        """Smallest luminosities with the same level as `luminosity`, or itself.
 
         Parameters
         ----------
@@ -47,7 +47,7 @@ class Photoreceptor(Protocol):
 
 @runtime_checkable
 class InvertiblePhotoreceptor(Photoreceptor, Protocol):
-    """A photoreceptor whose silent pixels can be told from their luminosity alone: much faster."""
+    """A photoreceptor whose pixels without events show by their luminosity alone: much faster."""
 
     def luminosity(self, levels: FloatArray) -> FloatArray:
         """Luminosity at which a level is reached from below; non-decreasing.

@@ -69,7 +69,7 @@ class PixelArray:
     imperfections
         Non-idealities; None for the ideal pixel of the paper.
     label_noise
-        Whether events carry labels that tell noise from signal.
+        Whether events carry labels that mark noise.
     backend
         `numba`, `numpy` or `auto` (numba where it is installed and pays): same results.
     threads

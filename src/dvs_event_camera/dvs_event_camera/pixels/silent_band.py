@@ -1,7 +1,7 @@
-"""Luminosities at which a small pixel array has nothing to say.
+"""Luminosities at which a small pixel array fires no event.
 
 Most frames of a small array hold no event, and NumPy's fixed costs exceed the work: two
-comparisons a pixel tell such a frame without a logarithm.
+comparisons a pixel find such a frame without a logarithm.
 """
 
 from __future__ import annotations

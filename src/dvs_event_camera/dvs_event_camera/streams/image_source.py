@@ -17,7 +17,7 @@ from dvs_common.wire.messages import ImageHead, image_head
 from dvs_common.wire.stamped import Memo, stamp_of
 from dvs_event_camera.streams.encodings import Encoding, encoding_named, luma
 
-# An integer says no more than "less than half a grey level" where it says 0.
+# An integer of 0 stands for anything less than half a grey level.
 _DARKEST_INTEGER = 0.5
 # Coordinates of an event are 16 bits wide.
 _LARGEST_SIDE = 65536
@@ -34,7 +34,7 @@ class LuminosityFrame:
     pixels
         Luminosity, shape (height, width), any number type; 0 to 255 or 65535 for integer images.
     darkest
-        Luminosity below which the image can tell no difference; 0 for floating-point images.
+        Luminosity below which the image shows no difference; 0 for floating-point images.
     """
 
     stamp_ns: int
@@ -149,7 +149,7 @@ def _reading_of(head: ImageHead) -> _Reading:
     height = encoding.luma_rows((head.end - head.start) // form.step if form.step else 0)
     if max(height, form.width) > _LARGEST_SIDE:
         raise MessageError(
-            f'{height} x {form.width} pixels: an event knows {_LARGEST_SIDE} rows and columns'
+            f'{height} x {form.width} pixels: coordinates of an event end at {_LARGEST_SIDE}'
         )
     used_bytes = form.width * encoding.dtype.itemsize * encoding.samples
     if not height or not form.width or form.step < used_bytes:
@@ -194,7 +194,7 @@ def parse_compressed(message: bytes) -> LuminosityFrame:
 
 
 def darkest_of(dtype: np.dtype[Any]) -> float:
-    """Luminosity below which numbers of this type tell no difference; 0 for floats.
+    """Luminosity below which numbers of this type show no difference; 0 for floats.
 
     Parameters
     ----------

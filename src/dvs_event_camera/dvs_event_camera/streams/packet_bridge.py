@@ -23,7 +23,7 @@ class PacketBridge:
     Attributes
     ----------
     notice
-        What is to be said about the last message; empty if nothing.
+        What is to be logged about the last message; empty if nothing.
     """
 
     def __init__(self, pixel_map: PixelMap) -> None:
@@ -37,7 +37,7 @@ class PacketBridge:
     def take(self, message: bytes) -> list[EventPacket]:
         """Packets of the next message.
 
-        A driver does not know the sums of polarities that came before: a gap in its sequence
+        A driver keeps no sums of the polarities that came before: a gap in its sequence
         numbers becomes a gap in the running index, so that consumers see the loss.
 
         Parameters

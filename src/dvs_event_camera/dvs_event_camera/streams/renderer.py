@@ -12,7 +12,7 @@ from dvs_common.nanoseconds import NANOSECONDS
 from dvs_event_camera.pixels.pixel_events import PixelEvents
 
 # Blue, green, red of a full ON and a full OFF pixel; the ground is dark so that both stand out.
-# Orange and blue are the pair of Okabe and Ito that every kind of colour vision tells apart.
+# Orange and blue are the pair of Okabe and Ito that every kind of colour vision separates.
 PALETTES = {
     'red_blue': ((60, 60, 255), (255, 140, 40)),
     'orange_blue': ((0, 159, 230), (233, 180, 86)),

@@ -31,7 +31,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         'triggers are kept.',
     )
     parser.add_argument('input', type=Path, help='file of events, or bag of ROS 2 or ROS 1')
-    parser.add_argument('output', type=Path, help='file to write; its suffix says the format')
+    parser.add_argument('output', type=Path, help='file to write; its suffix chooses the format')
     parser.add_argument('--format', choices=FORMATS, help='format, if not that of the suffix')
     parser.add_argument('--topic', help='topic of the bag (default: the only one with events)')
     parser.add_argument(
@@ -90,7 +90,7 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _size_of(text: str | None, recording: Recording) -> tuple[int, int]:
-    """Columns and rows of the sensor: as given, as the recording says, or as its events show."""
+    """Columns and rows of the sensor: as given, as in the recording, or as its events show."""
     if text:
         found = re.fullmatch(r'(\d+)x(\d+)', text)
         if not found:

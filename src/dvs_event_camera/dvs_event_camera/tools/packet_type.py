@@ -1,7 +1,7 @@
 """Message class of `event_camera_msgs/EventPacket`, also where that package is not installed.
 
 With ROS from wheels no package of messages can be built. Bytes that are sent and received
-serialized need no more of a class than what DDS has to know of it: a name, the types of the
+serialized need no more of a class than DDS needs: a name, the types of the
 fields, and functions that are never called. So the type support of a message that is installed is
 copied with another description. Its structures are those of `message_type_support_struct.h`
 (rosidl_runtime_c), `message_introspection.h` (rosidl_typesupport_introspection_c) and

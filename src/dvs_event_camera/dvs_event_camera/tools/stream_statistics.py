@@ -1,4 +1,4 @@
-"""What one wants to know of a stream of events: rate, share of ON, losses, delay, jitter."""
+"""Statistics of a stream of events: rate, share of ON, losses, delay, jitter."""
 
 from __future__ import annotations
 

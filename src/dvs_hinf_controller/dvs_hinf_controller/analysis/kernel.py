@@ -78,7 +78,7 @@ def sample_kernel(
         How many of the first outputs count for the accuracy.
     rtol
         Wanted bound of the errors, relative to ``integral ||g||``. Where that would take too many
-        times, the kernel's own error bounds tell what was reached.
+        times, the kernel's own error bounds show what was reached.
 
     Returns
     -------

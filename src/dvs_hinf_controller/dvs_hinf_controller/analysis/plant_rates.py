@@ -32,7 +32,7 @@ def plant_rate(model: PlantModel) -> float:
 def control_rate(model: PlantModel) -> float:
     """Rate at which the plant must be controlled: its fastest unstable mode, rad/s.
 
-    A stable plant's slowest mode; a fast stable mode asks for nothing. The `plant_rate` where no
+    A stable plant's slowest mode; a fast stable mode needs nothing. The `plant_rate` where no
     such mode has a rate.
 
     Parameters

@@ -1,4 +1,4 @@
-"""From a problem to a controller with every figure that tells what it promises."""
+"""From a problem to a controller with every figure of what it promises."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ def load_design(path: str | Path, problem: DesignProblem, *, masked: Sequence[in
     Raises
     ------
     ParameterError
-        If the file is no design, or one for another plant, set-point or pixel set; says which.
+        If the file is no design, or one for another plant, set-point or pixel set; names which.
     SynthesisError
         If the stored controller does not stabilize the plant.
     """

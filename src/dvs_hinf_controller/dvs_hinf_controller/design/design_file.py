@@ -148,7 +148,7 @@ def read_design_file(path: str | Path) -> StoredDesign:
 
 
 def finite_or_null(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures with None for infinity and NaN, which JSON does not know.
+    """Figures with None for infinity and NaN, which JSON does not have.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ _NO_COST = 5e-5
 
 
 def report_text(designs: Sequence[Design], *, event_threshold: float) -> str:
-    """Figures of one or more designs, a column each, and what they say about the running h.
+    """Figures of one or more designs, a column each, and what they mean for the running h.
 
     Parameters
     ----------

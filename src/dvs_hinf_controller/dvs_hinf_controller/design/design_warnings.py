@@ -1,4 +1,4 @@
-"""What a user of a design has to know before it runs."""
+"""Warnings for the user of a design before it runs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NO_FEEDBACK = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunningLoop:
-    """What a design is to run with, of which its problem does not know.
+    """What a design is to run with, which its problem does not hold.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class RunningLoop:
 
 
 def design_warnings(design: Design, loop: RunningLoop) -> tuple[str, ...]:
-    """What a user of a design has to know before it runs, one sentence each.
+    """Warnings for the user of a design before it runs, one sentence each.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def _reached(
 
 
 def darkness_warnings(problem: DesignProblem, photoreceptor: str) -> tuple[str, ...]:
-    """What is to be said where a pixel has no logarithm of its luminosity at the set-point.
+    """What is to be warned of where a pixel has no logarithm of its luminosity at the set-point.
 
     Parameters
     ----------

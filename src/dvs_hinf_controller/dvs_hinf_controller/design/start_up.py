@@ -1,4 +1,4 @@
-"""What the controller says when it starts: what was designed, and whether h is small enough."""
+"""What the controller logs when it starts: what was designed, and whether h is small enough."""
 
 from __future__ import annotations
 

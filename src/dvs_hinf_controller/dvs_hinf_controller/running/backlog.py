@@ -11,7 +11,7 @@ _LONGEST_S = 1.0
 
 
 class Backlog:
-    """Tells when what was sent before the start has been taken.
+    """Finds when what was sent before the start has been taken.
 
     The middleware delivers packets of the past to a late controller of a lockstep loop. Answers to
     them would carry stamps that a plant which has started again awaits as its own.

@@ -335,7 +335,7 @@ class EventController:
         self.state = self._held(self._duration_ns) if ahead is None else ahead.state
 
     def take_keyframe(self, keyframe: Keyframe) -> PacketReport:
-        """Take what the sensor tells of itself; see `ReferenceWatch.take_keyframe`.
+        """Take the bounds that the sensor gives; see `ReferenceWatch.take_keyframe`.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Intervals of references as pairs of arrays, and what sensor and anchors tell of them."""
+"""Intervals of references as pairs of arrays, and the bounds that sensor and anchors give."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Told:
-    """What a sensor tells of its references at an instant.
+class SensorBounds:
+    """Bounds that a sensor gives of its references at an instant.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ class Told:
     signs
         Sign of every reference, shape (r,), int8.
     lower
-        m: where |q| was at least at N = 0, shape (r,); 0 where the sensor can't tell.
+        m: where |q| was at least at N = 0, shape (r,); 0 where the sensor gives none.
     upper
-        M: where it was at most, shape (r,); infinite where the sensor can't tell.
+        M: where it was at most, shape (r,); infinite where the sensor gives none.
     age_s
         Time since the sensor's start, s.
     events

@@ -24,7 +24,7 @@ from dvs_hinf_controller.running.interval_arithmetic import (
     UNKNOWN_WIDTH,
     Bools,
     Cut,
-    Told,
+    SensorBounds,
     common_part,
     half_widths,
     require_finite,
@@ -310,59 +310,59 @@ class ReferenceIntervals:
         self._renew()
 
     def forget(self) -> None:
-        """Know nothing: the references may be anywhere."""
+        """Forget all bounds: the references may be anywhere."""
         self._begin(np.zeros_like(self.lower), np.full_like(self.upper, np.inf))
 
     # -- rules that narrow ------------------------------------------------------------------------
 
-    def restart(self, told: Told) -> int | None:
-        """Begin with what the sensor tells of itself; return how many pixels that changes.
+    def restart(self, given: SensorBounds) -> int | None:
+        """Begin with the bounds that the sensor gives; return how many pixels that changes.
 
         Parameters
         ----------
-        told
+        given
             State of the sensor.
 
         Returns
         -------
         int or None
-            None where it tells nothing that was not known: not a bit changes then.
+            None where it adds nothing to what was known: not a bit changes then.
         """
-        ends = self._bounds_of(told.event_threshold).worn(told)
-        same_step = told.event_threshold == self.event_threshold
-        wrong = self._differs(told)
+        ends = self._bounds_of(given.event_threshold).worn(given)
+        same_step = given.event_threshold == self.event_threshold
+        wrong = self._differs(given)
         near = [np.abs(a - b) <= ROUNDING * b for a, b in zip(ends, self._ends, strict=True)]
         if same_step and self._counted is None and not wrong.any() and np.all(near):
             return None
         moved = wrong | ~np.logical_and(*near)
-        self._records.set_counts(told.counts, told.signs)
-        self._set_step(told.event_threshold)
+        self._records.set_counts(given.counts, given.signs)
+        self._set_step(given.event_threshold)
         self._begin(*ends)
         return int(np.count_nonzero(moved))
 
-    def confirm(self, told: Told) -> int:
+    def confirm(self, given: SensorBounds) -> int:
         """Take over true counts; return for how many pixels they were others.
 
-        What losses have added goes, and what the sensor says of itself narrows what is left.
+        What losses have added goes, and the bounds of the sensor narrow what is left.
 
         Parameters
         ----------
-        told
+        given
             State of the sensor, in the epoch and at the threshold that it was in.
         """
-        wrong = self._differs(told)
+        wrong = self._differs(given)
         if self._counted is None and wrong.any():
-            return self.restart(told) or 0
-        ends = self._bounds_of(told.event_threshold).worn(told)
+            return self.restart(given) or 0
+        ends = self._bounds_of(given.event_threshold).worn(given)
         if self._counted is None:
             narrowed = common_part(self._ends, ends)
             if not all(map(np.array_equal, narrowed, self._ends)):
                 self._begin(*narrowed)
             return 0
         # Wherever the reference was seen to be, its number now has another name.
-        shift = np.exp((self.counts - told.counts) * self._step)
+        shift = np.exp((self.counts - given.counts) * self._step)
         seen = (self.lower * shift, self.upper * shift)
-        self._records.set_counts(told.counts, told.signs)
+        self._records.set_counts(given.counts, given.signs)
         self._begin(*common_part(common_part(self._counted, seen), ends))
         return int(np.count_nonzero(wrong))
 
@@ -370,8 +370,8 @@ class ReferenceIntervals:
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         return self.lower, self.upper
 
-    def _differs(self, told: Told) -> Bools:
-        return np.asarray((told.counts != self.counts) | (told.signs != self.signs))
+    def _differs(self, given: SensorBounds) -> Bools:
+        return np.asarray((given.counts != self.counts) | (given.signs != self.signs))
 
     def cut(self, luminosity: FloatArray, passed: Passed) -> Cut:
         """Cut the intervals with absolute measurements.

@@ -11,7 +11,7 @@ from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import INDEX_MODULUS
 from dvs_common.wire.index_watch import IndexWatch
 from dvs_common.wire.keyframe import Keyframe
-from dvs_hinf_controller.running.interval_arithmetic import Told, require_finite
+from dvs_hinf_controller.running.interval_arithmetic import SensorBounds, require_finite
 from dvs_hinf_controller.running.packet_history import Counted
 from dvs_hinf_controller.running.reference_state import (
     NO_JUMPS,
@@ -96,7 +96,7 @@ class Keyframes:
         """Begin with a keyframe, before any packet."""
         state = self._state
         self._enter(keyframe.epoch)
-        corrected = state.intervals.restart(_told(keyframe))
+        corrected = state.intervals.restart(_bounds_given(keyframe))
         state.index = IndexWatch(expected=keyframe.next_index)
         state.keyframes.clear()
         state.keyframes.add(keyframe)
@@ -167,26 +167,26 @@ class Keyframes:
     def _apply(self, keyframe: Keyframe, now_ns: int) -> int:
         state, known = self._state, self._state.intervals
         later = state.history.packets_after(keyframe.stamp_ns)
-        told = _told(keyframe, age_ns=now_ns - keyframe.stamp_ns)
+        given = _bounds_given(keyframe, age_ns=now_ns - keyframe.stamp_ns)
         for packet in later:
-            np.add.at(told.counts, packet.pixels, packet.polarities)
-            told.signs[packet.pixels] = packet.signs
+            np.add.at(given.counts, packet.pixels, packet.polarities)
+            given.signs[packet.pixels] = packet.signs
         if keyframe.epoch != self._epoch:
             self._enter(keyframe.epoch)
             state.valid_from_ns = keyframe.stamp_ns
             self._expect(keyframe, later)
-            corrected = known.restart(told) or 0
+            corrected = known.restart(given) or 0
         elif self._changes_step(keyframe):
             state.valid_from_ns = keyframe.stamp_ns
             if not any(len(packet.pixels) for packet in later):
                 known.change_threshold(keyframe.event_threshold)
-            corrected = known.restart(told) or 0
+            corrected = known.restart(given) or 0
         else:
             missing = self._missing(keyframe)
             if missing:
                 known.lose(missing)
                 self._expect(keyframe, later)
-            corrected = known.confirm(told)
+            corrected = known.confirm(given)
         state.verified = True
         return corrected
 
@@ -203,8 +203,8 @@ class Keyframes:
         return missing if missing < INDEX_MODULUS // 2 else 0
 
 
-def _told(keyframe: Keyframe, *, age_ns: int = 0) -> Told:
-    return Told(
+def _bounds_given(keyframe: Keyframe, *, age_ns: int = 0) -> SensorBounds:
+    return SensorBounds(
         event_threshold=keyframe.event_threshold,
         counts=keyframe.counts.copy(),
         signs=keyframe.signs.copy(),

@@ -9,7 +9,7 @@ from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
 
 def event_controller(design: Design, scenario: Scenario) -> EventController:
-    """Controller at its start, with what the scenario says of the sensor.
+    """Controller at its start, with what the scenario holds on the sensor.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class Response(Protocol):
 
 
 class Means(Protocol):
-    """What K takes of the pixels; `OneMean` and `GroupMeans` say how."""
+    """What K takes of the pixels; `OneMean` and `GroupMeans` are the two ways."""
 
     @property
     def rest(self) -> Deviation:

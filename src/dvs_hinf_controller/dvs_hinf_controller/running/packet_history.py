@@ -1,4 +1,4 @@
-"""The last packets, for what is told later of an instant before them."""
+"""The last packets, for messages that come later on an instant before them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _EVENTS = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Passed:
-    """What has happened to every pixel since an instant, as far as events tell.
+    """What has happened to every pixel since an instant, as far as events show.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ class ReferenceState:
         self.valid_from_ns: int | None = None
 
     def forget(self, stamp_ns: int) -> None:
-        """Know nothing: these are events of another sensor, whose references are not known yet.
+        """Forget all bounds: another sensor sends events, whose references are not known yet.
 
         Parameters
         ----------

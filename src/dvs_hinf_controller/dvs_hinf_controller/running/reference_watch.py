@@ -112,7 +112,7 @@ class ReferenceWatch:
         return duration_ns if duration_ns > 0 and self.gate.follows(packet.stamp_ns) else None
 
     def pass_silence(self, stamp_ns: int) -> None:
-        """Take a packet of which `duration_of_silence_ns` says that it brings nothing.
+        """Take a packet of which `duration_of_silence_ns` found that it brings nothing.
 
         Parameters
         ----------

@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.reference_bounds import threshold_step
-from dvs_hinf_controller.running.interval_arithmetic import LARGEST_LOGARITHM, ROUNDING, Told
+from dvs_hinf_controller.running.interval_arithmetic import (
+    LARGEST_LOGARITHM,
+    ROUNDING,
+    SensorBounds,
+)
 from dvs_hinf_controller.running.packet_history import Passed
 from dvs_hinf_controller.sensor_uncertainty import SensorUncertainty
 
@@ -81,20 +85,20 @@ class StepBounds:
         """By how much an ON and an OFF threshold may miss the step."""
         return self.on - self.step, self.off - self.step
 
-    def worn(self, told: Told) -> tuple[FloatArray, FloatArray]:
+    def worn(self, given: SensorBounds) -> tuple[FloatArray, FloatArray]:
         """Ends that a sensor gives at this threshold, widened for what it may have done since.
 
         Parameters
         ----------
-        told
+        given
             State of the sensor.
         """
-        slack = told.events * self.step
+        slack = given.events * self.step
         slack *= max(self.uncertainty.threshold_on, self.uncertainty.threshold_off)
         if slack > LARGEST_LOGARITHM:
-            return np.zeros_like(told.lower), np.full_like(told.upper, np.inf)
-        leaked = self.uncertainty.leak * told.age_s + bool(self.uncertainty.leak)
-        return told.lower * math.exp(-slack - leaked * self.step), told.upper * math.exp(slack)
+            return np.zeros_like(given.lower), np.full_like(given.upper, np.inf)
+        leaked = self.uncertainty.leak * given.age_s + bool(self.uncertainty.leak)
+        return given.lower * math.exp(-slack - leaked * self.step), given.upper * math.exp(slack)
 
     def around(
         self, luminosity: FloatArray, *, counts: NDArray[np.int64], passed: Passed

@@ -67,7 +67,7 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
 
     Minimises ``N_G Dbar + eps N_T``, a convex function of the closed loop (Dahleh and Pearson
     1987), over Youla families whose filters are no faster than the bandwidth limit. A sampled
-    loop's families are strictly proper, since a command samples whatever jumps, and know latency
+    loop's families are strictly proper, since a command samples whatever jumps, and model latency
     and half a period as a delay; the certificate of the loop that runs chooses the bandwidth. The
     controllers of the other methods are candidates; at last the lowest order is taken that loses
     next to nothing.

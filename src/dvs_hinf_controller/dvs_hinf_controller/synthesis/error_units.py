@@ -41,7 +41,7 @@ def in_error_units(problem: DesignProblem, model: PlantModel) -> PlantModel:
 def for_the_error(
     problem: DesignProblem, synthesize: Callable[[PlantModel], LinearController]
 ) -> LinearController:
-    """Controller of a method that knows the norm of x only, for that of W x, settling in time.
+    """Controller of a method for the norm of x only, for that of W x, settling in time.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ _MAX_SECANTS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GammaTest:
-    """What the Riccati equations say at one gamma.
+    """What the Riccati equations give at one gamma.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class GammaSearch:
     Parameters
     ----------
     test
-        What the Riccati equations say at a gamma.
+        What the Riccati equations give at a gamma.
     rtol
         Relative accuracy.
 

@@ -42,8 +42,8 @@ def integrated_problem(problem: DesignProblem) -> DesignProblem:
         raise ParameterError(
             'integral_action',
             True,
-            f'needs a loop that sees a constant load on each of the {m} inputs: one mean of the '
-            'pixels can not tell more than one load, nor one that the plant blocks or integrates',
+            f'needs pixels that show a constant load on each of the {m} inputs: one mean can not '
+            'distinguish several loads, nor show one that the plant blocks or integrates',
         ) from None
     weights = np.ones(n) if problem.error_weights is None else problem.error_weights
     return replace(

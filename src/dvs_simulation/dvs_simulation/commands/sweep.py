@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the study and say what came out; 1 if the certificate was violated.
+    """Run the study and print its result; 1 if the certificate was violated.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ _DETAILS_OF_PIXELS = ('reset', 'shot_noise_luminosity', 'cutoff_luminosity', 'ho
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Promised:
-    """What the design that ran says of its thresholds and its pace.
+    """What the design that ran promises of thresholds and pace.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Promised:
 
     @classmethod
     def of(cls, design: Design) -> Promised:
-        """What a design says.
+        """What a design promises.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What can be said of a run whose plant publishes no state."""
+"""What can be judged of a run whose plant publishes no state."""
 
 from __future__ import annotations
 

@@ -268,7 +268,7 @@ def judge(
     name
         Name of the scenario.
     promised
-        What the design that ran says.
+        What the design that ran promises.
     wall_seconds
         Wall-clock time from the first sample with a command to the last command, s.
     interrupted

@@ -80,7 +80,7 @@ def run_late(problem: DesignProblem, controller: LinearController, run: LateRun)
     Parameters
     ----------
     problem
-        What the controller knows, with an operation.
+        What the controller was designed for, with an operation.
     controller
         K, strictly proper, with distinct poles.
     run

@@ -65,7 +65,7 @@ def run_many(
     initial_states
         x(0), shape (K, n).
     first_references
-        ``|q(0)|``, shape (K, r); None for what the scenario says.
+        ``|q(0)|``, shape (K, r); None for those of the scenario.
     disturbances
         Added to the input in every period, shape (K, N, m).
     latencies_ns

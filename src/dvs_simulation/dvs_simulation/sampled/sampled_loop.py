@@ -99,7 +99,7 @@ def run_sampled(
     ------
     ParameterError
         If the run has no end, parameters do not fit, (A1) is violated, or a luminosity is not
-        positive where `nonphysical_luminosity` says to stop.
+        positive where `nonphysical_luminosity` is `stop`.
     SynthesisError
         If no controller exists.
     """

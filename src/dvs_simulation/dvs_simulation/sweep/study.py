@@ -11,7 +11,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """A piece of work for one worker; its key and parameters tell everything.
+    """A piece of work for one worker; its key and parameters describe it completely.
 
     Parameters
     ----------

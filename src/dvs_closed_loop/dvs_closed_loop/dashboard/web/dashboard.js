@@ -304,7 +304,7 @@ function drawEvents(plot, span) {
   const c = plot.context;
   const row = Math.abs(plot.y(1) - plot.y(0));
   const reach = Math.min(Math.max(row * 0.42, 1.5), 16);
-  // ON goes up and OFF goes down, so that colour is not all that tells them apart.
+  // ON goes up and OFF goes down, so that not colour alone separates them.
   for (const [polarity, colour] of [[1, COLOURS.orange], [-1, COLOURS.sky]]) {
     c.strokeStyle = colour;
     c.lineWidth = 1.6;

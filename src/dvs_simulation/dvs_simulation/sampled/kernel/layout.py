@@ -34,7 +34,7 @@ class PlantArrays(NamedTuple):
 
 
 class PixelArrays(NamedTuple):
-    """Camera: pixels with the log law, ideal or with imperfections that levels tell."""
+    """Camera: pixels with the log law, ideal or with imperfections that levels show."""
 
     level: FloatArray  # level at the last sample, (r,), moves
     origin: FloatArray  # (r,)
