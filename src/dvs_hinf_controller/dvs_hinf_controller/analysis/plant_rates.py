@@ -8,12 +8,15 @@ import scipy.linalg
 from dvs_common.scenario.model import PlantModel
 
 _NO_RATE = 1e-9
+# Rounding moves the modes of a chain of three integrators by the cube root of its size.
+_ROUNDED = 1e-4
 
 
 def plant_rate(model: PlantModel) -> float:
-    """The plant's own rate: its fastest mode; the norm of A for chains of integrators, rad/s.
+    """The plant's own rate, its fastest mode, rad/s.
 
-    Without any dynamics (A = 0) 1 rad/s.
+    That of a chain of integrators is the norm of A in balanced units; without any dynamics
+    (A = 0) it is 1 rad/s.
 
     Parameters
     ----------
@@ -21,11 +24,11 @@ def plant_rate(model: PlantModel) -> float:
         Plant.
     """
     rate = float(np.max(np.abs(np.linalg.eigvals(model.state_matrix))))
-    # In balanced units: those of the states have no part in whether a mode moves.
+    # In balanced units: those of the states have no part in it.
     balanced = scipy.linalg.matrix_balance(model.state_matrix, permute=False)[0]
-    if rate > _NO_RATE * float(np.linalg.norm(balanced, 2)):
+    size = float(np.linalg.norm(balanced, 2))
+    if rate > _ROUNDED * size:
         return rate
-    size = float(np.linalg.norm(model.state_matrix, 2))
     return size if size > 0 else 1.0
 
 

@@ -11,8 +11,6 @@ import numpy as np
 
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
-from dvs_hinf_controller.analysis.directions import WeightedVectors, steep_directions
-from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.largest_threshold import best_merit, largest_uncertainty
 from dvs_hinf_controller.analysis.peak_gain import channel_gains
 from dvs_hinf_controller.analysis.plant_list import held_with_all
@@ -21,7 +19,6 @@ from dvs_hinf_controller.analysis.promise import Continuous
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import state_response
-from dvs_hinf_controller.synthesis.delayed_plant import delayed_plant
 from dvs_hinf_controller.synthesis.error_units import for_the_error
 from dvs_hinf_controller.synthesis.group_weights import (
     GroupWeights,
@@ -29,33 +26,29 @@ from dvs_hinf_controller.synthesis.group_weights import (
     synthesize_groups,
     weighted_controller,
 )
-from dvs_hinf_controller.synthesis.least_l1 import L1Problem, least_l1
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.order_reduction import reduced_controllers
+from dvs_hinf_controller.synthesis.peak_to_peak import family_filters, peak_to_peak
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_unstructured
 from dvs_hinf_controller.synthesis.settling import settled
 from dvs_hinf_controller.synthesis.structured import synthesize_structured
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 from dvs_hinf_controller.synthesis.units import Units
-from dvs_hinf_controller.synthesis.youla import Filters, Jump, YoulaFamily
 
-# Filter poles: about an octave apart, up to this multiple of the plant's own rate.
+# Fastest filter, over the plant's own rate.
 _FASTEST_FILTER = 100.0
 _FASTEST_SAMPLED_FILTER = 400.0
 _SPREAD = 4.0
 _CLIMB = (0.5, 2.0)
 _MOST_STEPS = 5
-_MIDDLE_RATE = 0.5
-_MAX_FILTERS = 9
-_OBSERVER_RATES = (0.03, 4.0)
-# A delay below this share of the fastest filter's time constant is left out of the program.
-_LEAST_DELAY = 0.1
+_SLOW_RATE, _MIDDLE_RATE = 0.03, 0.5
+# Rate of the observer, and whether the filters are rich, of an unsampled loop's families.
+_FAMILIES = ((_SLOW_RATE, False), (4.0, False), (0.3, True), (_SLOW_RATE, True))
 _FASTEST_IN_DELAY = 4.0
-_MAX_CUTS = 12
 _LEAST_LUMINOSITY = 1e-3
-_CUT_RTOL = 5e-3
-_COUNTED = 0.9
 _REDUCTION_LOSS = 2e-3
+# Orders that are tried one by one; beyond them by bisection.
+_FEW_STATES = 4
 _COMPARISON_RTOL = 1e-3
 _SEARCH_RTOL, _FINAL_RTOL = 1e-2, 3e-4
 # A finer certificate adds some per cent to a score: less than this share of the best never wins.
@@ -66,11 +59,12 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     """Controller with (nearly) the largest certified threshold of the loop that runs.
 
     Minimises ``N_G Dbar + eps N_T``, a convex function of the closed loop (Dahleh and Pearson
-    1987), over Youla families whose filters are no faster than the bandwidth limit. A sampled
-    loop's families are strictly proper, since a command samples whatever jumps, and model latency
-    and half a period as a delay; the certificate of the loop that runs chooses the bandwidth. The
-    controllers of the other methods are candidates; at last the lowest order is taken that loses
-    next to nothing.
+    1987), over Youla families whose filters are no faster than the bandwidth limit: few filters
+    with real poles, or many, some of them damped, and the plant's own lightly damped modes. A
+    sampled loop's families are strictly proper, since a command samples whatever jumps, and model
+    latency and half a period as a delay; the certificate of the loop that runs chooses the
+    bandwidth. The controllers of the other methods are candidates, and so is no feedback at all
+    where the plant is stable; at last a low order is taken that loses next to nothing.
 
     With several pixel groups the certificate chooses the weights of H-infinity designs
     instead: the best that was found, with no claim to be the optimum (docs/pixel_groups.md).
@@ -94,13 +88,21 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
         if search.best is not None:
             search.best_score = _score(problem, search.best)
         return search.result()
+    if np.linalg.eigvals(problem.model.state_matrix).real.max() < 0:
+        search.add(partial(_no_feedback, problem.model))
+        if search.best_score == math.inf:
+            return search.result()
     for synthesize in (synthesize_unstructured, synthesize_structured):
         search.add_rival(partial(synthesize, options=options))
     fastest = search.fastest
-    if problem.operation:
-        fastest = search.climb(fastest / _SPREAD)
-    for rate in _OBSERVER_RATES:
-        search.add_peak_to_peak(rate, fastest)
+    if not problem.operation:
+        for rate, rich in _FAMILIES:
+            search.add_peak_to_peak(rate, fastest, rich=rich)
+        return search.result()
+    fastest = search.climb(_MIDDLE_RATE, fastest / _SPREAD, rich=False)
+    search.climb(_SLOW_RATE, fastest, rich=False)
+    fastest = search.climb(_MIDDLE_RATE, fastest, rich=True)
+    search.add_peak_to_peak(_SLOW_RATE, fastest, rich=True)
     return search.result()
 
 
@@ -167,17 +169,18 @@ class _Search:
         if self.newest is not None:
             self.rivals.append((score, self.newest))
 
-    def add_peak_to_peak(self, observer_rate: float, fastest: float) -> float:
+    def add_peak_to_peak(self, observer_rate: float, fastest: float, *, rich: bool) -> float:
         """Score of the best controller of a Youla family."""
         units = self.units
-        delay = self.delay if self.delay * fastest > _LEAST_DELAY else 0.0
 
         def of_family(model: PlantModel) -> LinearController:
             found = peak_to_peak(
                 units.plant(model),
                 observer_rate=observer_rate,
-                fastest=fastest,
-                delay=delay,
+                filters=family_filters(
+                    units.plant(model), fastest, rich=rich, patient=self.problem.operation is None
+                ),
+                delay=self.delay,
                 strictly_proper=self.problem.operation is not None,
                 directions=self.directions,
             )
@@ -202,15 +205,15 @@ class _Search:
 
         return self.add(lambda: settled(self.problem, of_weights), rtol=_SEARCH_RTOL)
 
-    def climb(self, start: float) -> float:
+    def climb(self, observer_rate: float, start: float, *, rich: bool) -> float:
         """Go down or up from a bandwidth while the score grows; return the best bandwidth."""
         limit = self.units.options(self.options).bandwidth_limit or math.inf
-        best, score = start, self.add_peak_to_peak(_MIDDLE_RATE, start)
+        best, score = start, self.add_peak_to_peak(observer_rate, start, rich=rich)
         for factor in _CLIMB:
             at, here = start, score
             for _ in range(_MOST_STEPS):
                 at = min(at * factor, limit)
-                found = self.add_peak_to_peak(_MIDDLE_RATE, at)
+                found = self.add_peak_to_peak(observer_rate, at, rich=rich)
                 if found > score:
                     best, score = at, found
                 elif math.isfinite(found):
@@ -240,10 +243,28 @@ class _Search:
             truncations = reduced_controllers(self.problem.model, self.best)
         except np.linalg.LinAlgError:
             return self.best
-        for candidate in truncations:
-            if _score(self.problem, candidate) >= self.best_score * (1 - _REDUCTION_LOSS):
+        enough = self.best_score * (1 - _REDUCTION_LOSS)
+        low, high = min(_FEW_STATES, len(truncations)), len(truncations)
+        for candidate in truncations[:low]:
+            if _score(self.problem, candidate) >= enough:
                 return candidate
-        return self.best
+        while low < high:
+            middle = (low + high) // 2
+            if _score(self.problem, truncations[middle]) >= enough:
+                high = middle
+            else:
+                low = middle + 1
+        return truncations[high] if high < len(truncations) else self.best
+
+
+def _no_feedback(model: PlantModel) -> LinearController:
+    m = model.input_count
+    return LinearController(
+        state_matrix=np.zeros((0, 0)),
+        input_vector=np.zeros(0),
+        output_matrix=np.zeros((m, 0)),
+        feedthrough=np.zeros(m),
+    )
 
 
 def _score(
@@ -260,113 +281,3 @@ def _score(
         held = held_with_all(problem, controller, problem.operation, rtol=rtol)
         found = best_merit(problem, held)
     return found if found > 0 else -math.inf
-
-
-def peak_to_peak(
-    plant: PlantModel,
-    *,
-    observer_rate: float,
-    fastest: float,
-    delay: float = 0.0,
-    strictly_proper: bool = False,
-    directions: list[FloatArray] | None = None,
-) -> LinearController:
-    """Controller with the least ``N_G + N_T`` of a Youla family.
-
-    Parameters
-    ----------
-    plant
-        Plant in the units of the problem: tolerance and mean luminosity are 1.
-    observer_rate
-        Rate of the family's observer, relative to the plant's.
-    fastest
-        Pole of the fastest filter.
-    delay
-        Delay of the commands; 0 for none.
-    strictly_proper
-        Whether the controller must have no feedthrough.
-    directions
-        Directions of the state in which another family's kernel was large: to begin with. Those
-        of this family are put in their place.
-
-    Raises
-    ------
-    SynthesisError
-        If the plant is not stabilizable or not detectable, or rounding stops the program.
-    """
-    family = YoulaFamily.around_observer(
-        delayed_plant(plant, delay) if delay > 0 else plant,
-        Filters.real(_filter_poles(plant, fastest)),
-        rate=observer_rate * plant_rate(plant),
-        strictly_proper=strictly_proper,
-    )
-    known = [] if directions is None else directions
-    return family.controller(_optimal_coefficients(family, plant.state_count, known))
-
-
-def _filter_poles(model: PlantModel, fastest: float) -> FloatArray:
-    rate = plant_rate(model)
-    modes = np.linalg.eigvals(model.state_matrix)
-    unstable = np.abs(modes[modes.real > 1e-9 * rate])
-    slowest = min(max(float(np.min(unstable, initial=rate)), 0.1 * rate), fastest / 2)
-    count = min(_MAX_FILTERS, 1 + math.ceil(math.log2(fastest / slowest)))
-    return np.asarray(np.geomspace(slowest, fastest, count))
-
-
-def _optimal_coefficients(
-    family: YoulaFamily, states: int, directions: list[FloatArray]
-) -> FloatArray:
-    """Cutting planes: a direction v enters once ``integral |v'g|`` exceeds what is accounted.
-
-    The directions that count at the optimum are left in `directions`.
-    """
-    times = family.time_grid()
-    with np.errstate(over='ignore', invalid='ignore'):
-        nominal, responses = family.responses(times)
-    nominal, responses = nominal[:, :states], responses[:, :states]
-    if not (np.isfinite(nominal).all() and np.isfinite(responses).all()):
-        raise SynthesisError(Assumption.CONFIRMATION, 'the responses exceed the range of numbers')
-    weights = trapezoidal_weights(times)
-    sizes = np.sum(weights[:, None, None] * np.abs(responses), axis=(0, 1)) + 1e-300
-    responses = responses / sizes
-    jump = family.jump(sizes)
-    best, least = np.zeros(family.coefficient_count), math.inf
-    for _ in range(_MAX_CUTS):
-        theta = np.zeros(family.coefficient_count)
-        if directions:
-            rows = [family.model.gradient[:states], *directions]
-            theta = _least(rows, weights, nominal, responses, jump)
-        kernel = WeightedVectors(values=nominal + responses @ theta, weights=weights)
-        steep = steep_directions(kernel)
-        integrals = kernel.integral(steep)
-        output = float(kernel.integral(family.model.gradient[:states, None])[0])
-        accounted = max((float(kernel.integral(v[:, None])[0]) for v in directions), default=0.0)
-        if directions and integrals[0] + output < least:
-            best, least = theta, integrals[0] + output
-        if integrals[0] <= accounted * (1 + _CUT_RTOL):
-            break
-        high = integrals > max(accounted * (1 + _CUT_RTOL), _COUNTED * integrals[0])
-        directions += list(steep[:, high].T)
-    counted = [float(kernel.integral(v[:, None])[0]) >= _COUNTED * accounted for v in directions]
-    directions[:] = [v for v, counts in zip(directions, counted, strict=True) if counts]
-    return np.asarray(best / sizes)
-
-
-def _least(
-    rows: list[FloatArray],
-    weights: FloatArray,
-    nominal: FloatArray,
-    responses: FloatArray,
-    jump: Jump,
-) -> FloatArray:
-    """Minimise ``integral |c'g| + max_v integral |v'g|``: c comes first."""
-    seen = np.array(rows)
-    scale = 1 / max(float(weights @ np.linalg.norm(nominal, axis=1)), 1e-300)
-    program = L1Problem(
-        slopes=np.einsum('ijk,rj->rik', responses, seen),
-        offsets=np.einsum('ij,rj->ri', nominal, seen) * scale,
-        weights=weights,
-        equal_slope=jump.slope,
-        equal_offset=jump.offset * scale,
-    )
-    return least_l1(program) / scale

@@ -13,6 +13,8 @@ _MOST_STEPS = 80
 _GAP = 1e-5
 # A gap that is good enough where rounding stops the method.
 _FAIR_GAP = 1e-2
+# One at which the method ends where a step hardly helps.
+_SMALL_GAP, _STALLED = 1e-3, 0.7
 _TO_THE_EDGE = 0.99
 _LEAST_STEP = 1e-6
 _RIDGE = 1e-13
@@ -71,6 +73,9 @@ def least_l1(problem: L1Problem) -> FloatArray:
             break
         moved = _improved(problem, point)
         if moved is None:
+            break
+        fair = point.gap <= _SMALL_GAP * point.objective(problem)
+        if fair and moved.gap > _STALLED * point.gap:
             break
         point = moved
     if not point.gap <= _FAIR_GAP * point.objective(problem):
@@ -189,7 +194,7 @@ class _Newton:
         self._e = 1 / (self._p + self._q)
         k, count, e = slopes.shape[2], len(slopes) - 1, len(problem.equal_slope)
         weighted = slopes * self._e[:, :, None]
-        hessian = np.tensordot(weighted, slopes, axes=([0, 1], [0, 1]))
+        hessian = weighted.reshape(-1, k).T @ slopes.reshape(-1, k)
         lean = (self._p - self._q) * w
         self._mixed = np.einsum('rik,ri->rk', weighted, lean)[1:]
         stiff = (4 * self._p * self._q * self._e)[1:] @ w**2 + point.slack / point.multiplier

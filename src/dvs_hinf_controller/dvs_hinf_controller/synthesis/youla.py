@@ -10,6 +10,7 @@ import scipy.linalg
 from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.controller import LinearController
+from dvs_hinf_controller.state_space import ComplexArray
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
 _NODES_PER_OCTAVE = 10
@@ -17,7 +18,7 @@ _FIRST_STEP = 0.25
 _HORIZON = 9.0
 # A mode swings by at most this angle from node to node while it counts.
 _WIDEST_ANGLE, _ALIVE = 0.6, 5.0
-_MOST_NODES = 600
+_MOST_NODES = 1000
 _MARGINS = (0.3, 0.1, 0.03, 0.0)
 
 
@@ -53,15 +54,28 @@ class Filters:
     drive: FloatArray
 
     @classmethod
-    def real(cls, poles: FloatArray) -> Filters:
-        """``p_j / (s + p_j)``.
+    def of(cls, poles: FloatArray, pairs: ComplexArray | None = None) -> Filters:
+        """``p_j / (s + p_j)``, and two of second order for every pair of complex poles.
 
         Parameters
         ----------
         poles
             p_j > 0, shape (f,), rad/s.
+        pairs
+            One pole of each pair, shape (g,), rad/s; none by default.
         """
-        return cls(matrix=-np.diag(poles), drive=poles)
+        pairs = np.zeros(0, dtype=complex) if pairs is None else pairs
+        blocks = [np.array([[p.real, abs(p.imag)], [-abs(p.imag), p.real]]) for p in pairs]
+        drive = np.column_stack([np.zeros(len(pairs)), np.abs(pairs)]).ravel()
+        return cls(
+            matrix=scipy.linalg.block_diag(-np.diag(poles), *blocks),
+            drive=np.concatenate([poles, drive]),
+        )
+
+    @property
+    def fastest(self) -> float:
+        """Largest magnitude of a pole, rad/s."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.matrix)), initial=0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
