@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import scipy.linalg
 
+from dvs_common.arrays import FloatArray
 from dvs_common.scenario.model import PlantModel
 from dvs_hinf_controller.analysis.plant_rates import control_rate, plant_rate
 from dvs_hinf_controller.controller import LinearController
@@ -34,6 +36,8 @@ _QUIETER = (0.1, 0.01)
 # Where the bandwidth limit binds: factors on the process noise, and the decay that suffices.
 _NOISE_SCALES = (1.0, 10.0, 30.0, 100.0)
 _LEAST_DECAY = 0.05
+# Below this share of the plant a link is rounding.
+_ROUNDING = 1e-12
 # Failures that no other roll-off mends.
 _STRUCTURAL = (Assumption.STABILIZABILITY, Assumption.DETECTABILITY)
 
@@ -199,11 +203,49 @@ def _least_gamma(
             found = error
         else:
             return bandwidth, synthesis.gamma_optimal
-    raise SynthesisError(
+    raise _badly_conditioned(plant(rates[0]), found)
+
+
+def _badly_conditioned(plant: GeneralizedPlant, found: SynthesisError) -> SynthesisError:
+    """The failure in terms of the unstable mode that u reaches, or y shows, least (Hautus)."""
+    reach, mode = _least_margin(plant.a, plant.b2)
+    sight, unseen = _least_margin(plant.a.T, plant.c2.T)
+    if reach < _ROUNDING:
+        return SynthesisError(
+            Assumption.STABILIZABILITY,
+            f'u does not reach the unstable mode s = {mode:.6g}, but for rounding ({reach:.1g})',
+        )
+    if sight < _ROUNDING:
+        return SynthesisError(
+            Assumption.DETECTABILITY,
+            f'y does not show the unstable mode s = {unseen:.6g}, but for rounding ({sight:.1g})',
+        )
+    return SynthesisError(
         Assumption.CONFIRMATION,
-        'no unstable mode was found out of reach or unseen, but the plant is too badly '
-        f'conditioned for double precision ({found.assumption.value}: {found.detail})',
+        'the plant is too badly conditioned for double precision: relative to the size of A, u '
+        f'reaches its unstable mode s = {mode:.6g} by {reach:.1g}, y shows s = {unseen:.6g} by '
+        f'{sight:.1g} ({found.assumption.value}: {found.detail})',
     )
+
+
+def _least_margin(a: FloatArray, b: FloatArray) -> tuple[float, complex]:
+    """Least singular value of ``[A - s I, B]`` relative to the largest, and its unstable mode s.
+
+    In balanced units of the states, with columns of B as large as A.
+    """
+    balanced, (scale, _) = scipy.linalg.matrix_balance(a, permute=False, separate=True)
+    inputs = b / scale[:, None]
+    size = float(np.linalg.norm(balanced, 2))
+    inputs = inputs * size / np.maximum(np.linalg.norm(inputs, axis=0), 1e-300)
+    modes = np.linalg.eigvals(balanced)
+    margins = [
+        (float(values[-1] / values[0]), complex(mode))
+        for mode in modes[modes.real > -_ROUNDING * size]
+        for values in [
+            np.linalg.svd(np.hstack([balanced - mode * np.eye(len(a)), inputs]), compute_uv=False)
+        ]
+    ]
+    return min(margins, key=lambda margin: margin[0], default=(1.0, 0j))
 
 
 def _fast_enough(
