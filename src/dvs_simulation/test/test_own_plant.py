@@ -50,6 +50,17 @@ def test_a_run_that_has_not_settled_has_not_left_eps():
     assert all(0 < row['limsup'] < row['tolerance'] for row in rows)
 
 
+def test_a_dim_start_is_known_as_well_as_the_promise_takes_it():
+    """Forty steps once found a start at which the references were known less, and left eps."""
+    scenario = load_scenario(FILE)
+    rows = run_own_plant_task(
+        scenario=scenario, method='unstructured', thresholds=[0.09878985], runs=40, seed=0
+    )
+
+    assert all(row['h'] < row['h_certified'] for row in rows)
+    assert all(row['limsup'] < row['tolerance'] for row in rows)
+
+
 def test_a_file_is_refused_by_the_other_studies(tmp_path, capsys):
     options = ['--params-file', str(FILE), '--output', str(tmp_path / 'out.csv')]
 

@@ -175,7 +175,9 @@ class _Adversary:
         slowest_pole: float,
     ) -> None:
         self._loop, self._rng = loop, rng
-        self._widths = (loop.bounds.upper - loop.bounds.lower) / 2
+        # The bounds on h are for m and M in this proportion: a dimmer start must not know less.
+        first = np.abs(loop.initial_luminosity())
+        self._lower, self._upper = loop.bounds.lower / first, loop.bounds.upper / first
         self._room = self._free_room(scenario)
         # A run that has not settled has not left eps.
         farthest = float(np.linalg.norm(scenario.error_weights * self._room))
@@ -215,15 +217,16 @@ class _Adversary:
         loop, n = self._loop, self._loop.model.state_count
         start = loop.equilibrium.state + place[:n] * self._room
         y = loop.scene.luminosity(loop.model, start)
-        if np.min(y - 2 * self._widths) <= 0:
+        if np.min(y) <= 0:
             return False
-        bounds = type(loop.bounds)(lower=y - self._widths, upper=y + self._widths)
+        bounds = type(loop.bounds)(lower=y * self._lower, upper=y * self._upper)
+        middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
         try:
             moved = replace(
                 loop,
                 initial_state=start,
                 bounds=bounds,
-                initial_reference=y + place[n:] * self._widths,
+                initial_reference=middle + place[n:] * half,
             )
         except ParameterError:
             return False  # a fine threshold at which the pixel would fire at once
