@@ -42,17 +42,19 @@ _SPREAD = 4.0
 _CLIMB = (0.5, 2.0)
 _MOST_STEPS = 5
 _SLOW_RATE, _MIDDLE_RATE = 0.03, 0.5
-# Rate of the observer, and whether the filters are rich, of an unsampled loop's families.
+# Rate of the observer, and whether the filters are rich, of an unsampled loop's families; for more
+# states than these the first and third, since a program takes longer.
+_FEW_STATES = 6
 _FAMILIES = ((_SLOW_RATE, False), (4.0, False), (0.3, True), (_SLOW_RATE, True))
 _FASTEST_IN_DELAY = 4.0
 _LEAST_LUMINOSITY = 1e-3
 _REDUCTION_LOSS = 2e-3
 # Orders that are tried one by one; beyond them by bisection.
-_FEW_STATES = 4
+_LOW_ORDERS = 4
 _COMPARISON_RTOL = 1e-3
 _SEARCH_RTOL, _FINAL_RTOL = 1e-2, 3e-4
 # A finer certificate adds some per cent to a score: less than this share of the best never wins.
-_WORTH_A_FINER_SCORE = 0.5
+_WORTH_A_FINER_SCORE = 0.9
 
 
 def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> LinearController:
@@ -96,7 +98,8 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
         search.add_rival(partial(synthesize, options=options))
     fastest = search.fastest
     if not problem.operation:
-        for rate, rich in _FAMILIES:
+        small = problem.model.state_count <= _FEW_STATES
+        for rate, rich in _FAMILIES if small else _FAMILIES[::2]:
             search.add_peak_to_peak(rate, fastest, rich=rich)
         return search.result()
     fastest = search.climb(_MIDDLE_RATE, fastest / _SPREAD, rich=False)
@@ -244,7 +247,7 @@ class _Search:
         except np.linalg.LinAlgError:
             return self.best
         enough = self.best_score * (1 - _REDUCTION_LOSS)
-        low, high = min(_FEW_STATES, len(truncations)), len(truncations)
+        low, high = min(_LOW_ORDERS, len(truncations)), len(truncations)
         for candidate in truncations[:low]:
             if _score(self.problem, candidate) >= enough:
                 return candidate

@@ -28,7 +28,7 @@ _DAMPING = 0.5
 # Damping below which a mode of the plant is a filter, too: it is cheaper to keep than to damp.
 _LIGHT = 0.1
 _MAX_CUTS = 12
-_CUT_WORK = 1e8
+_CUT_WORK = 6e7
 _CUT_RTOL = 5e-3
 _COUNTED = 0.9
 
