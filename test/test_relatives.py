@@ -68,7 +68,7 @@ RELATIVES = {
         'test_scene_waits_for_subscribers_so_that_its_first_picture_is_not_lost',
         'test_scene_begins_at_once_with_no_wait',
         'test_play_waits_for_subscribers_and_ends_on_ctrl_c',
-        'test_play_begins_at_once_where_it_is_told_to',
+        'test_play_begins_at_once_with_no_wait',
     ),
     '13-video-of-25-frames-a-second': (
         'test_video_has_the_rate_of_its_file',
