@@ -68,8 +68,8 @@ def test_durations_of_any_length_end_at_the_same_time(lengths):
 
 @pytest.fixture(scope='module')
 def designed(tmp_path_factory):
-    """The scenario with its design in a file, for runs of eight seconds."""
-    scenario = load_scenario(SCENARIO).replace(duration=8.0)
+    """The scenario with its design in a file, for runs of twelve seconds."""
+    scenario = load_scenario(SCENARIO).replace(duration=12.0)
     file = tmp_path_factory.mktemp('design') / 'design.json'
     save_design(design_from_scenario(scenario), file)
     return scenario.replace(method='file', design_file=str(file))

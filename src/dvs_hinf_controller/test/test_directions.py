@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 
 from dvs_hinf_controller.analysis.directions import (
     WeightedVectors,
+    absolute_sums,
     largest_bound,
     largest_integral,
     lengths_of,
+    steep_directions,
 )
 
 
@@ -48,3 +50,35 @@ def test_lengths_are_those_of_numpy():
     vectors = np.random.default_rng(1).normal(size=(3, 7, 4))
 
     np.testing.assert_allclose(lengths_of(vectors), np.linalg.norm(vectors, axis=-1), rtol=1e-15)
+
+
+@pytest.mark.parametrize(('vectors', 'directions'), [(7, 0), (7, 3), (9000, 5), (40_001, 1)])
+def test_sums_by_parts_are_those_of_the_whole(vectors, directions):
+    generator = np.random.default_rng(vectors)
+    values, weights = generator.normal(size=(vectors, 3)), generator.uniform(size=vectors)
+    v = generator.normal(size=(3, directions))
+
+    found = WeightedVectors(values=values, weights=weights).integral(v)
+    np.testing.assert_allclose(found, weights @ np.abs(values @ v), rtol=1e-12)
+    np.testing.assert_allclose(
+        absolute_sums(weights, values), weights @ np.abs(values), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize('n', [3, 6])
+def test_of_many_vectors_the_steepest_direction_is_found_by_a_part_of_them(n):
+    """A decaying, turning kernel: with all vectors at every step no larger integral is found."""
+    generator = np.random.default_rng(n)
+    times = np.linspace(0, 8, 30_000)[:, None]
+    values = np.exp(-times) * np.cos(
+        times * generator.uniform(0.5, 6, n) + generator.normal(size=n)
+    )
+    kernel = WeightedVectors(values=values, weights=np.full(len(times), 8 / 30_000))
+
+    best = kernel.integral(steep_directions(kernel))[0]
+    v = generator.normal(size=(n, 60))
+    for _ in range(60):
+        v /= np.linalg.norm(v, axis=0)
+        reached = kernel.integral(v).max()
+        v = values.T @ np.sign(values @ v)
+    assert best >= reached * (1 - 1e-6)

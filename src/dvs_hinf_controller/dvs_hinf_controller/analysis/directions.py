@@ -11,6 +11,8 @@ import scipy.linalg
 from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.cones import largest_on_sphere
 
+# Products at a time: as many as a cache holds.
+_BLOCK = 32768
 _MOST_IN_CONES = 4
 _CONE_RTOL, _CONE_WORK = 2e-3, 2e9
 _SECTORS = 32
@@ -18,6 +20,9 @@ _PLANE_RTOL = 1e-5
 _ASCENT_STARTS = 12
 _ASCENT_STEPS = 100
 _ASCENT_WORK = 3e7
+# Vectors beyond which only a part of them is taken for most steps.
+_ASCENT_VECTORS = 4000
+_POLISHED, _POLISH_STEPS = 3, 4
 # Cosine from which on two directions count as one.
 _ALIKE = 0.98
 _RELAXATION_STEPS = 40
@@ -50,7 +55,14 @@ class WeightedVectors:
         directions
             Shape (n, k).
         """
-        return np.asarray(self.weights @ np.abs(self.values @ directions))
+        count, columns = len(self.values), directions.shape[1]
+        rows = max(_BLOCK // max(columns, 1), 1)
+        total, room = np.zeros(columns), np.empty((min(rows, count), columns))
+        for first in range(0, count, rows):
+            values = self.values[first : first + rows]
+            products = np.matmul(values, directions, out=room[: len(values)])
+            total += self.weights[first : first + rows] @ np.abs(products, out=products)
+        return total
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,15 +95,7 @@ def largest_integral(kernel: WeightedVectors) -> Bracket:
         return Bracket(lower=value, upper=value)
     if n == 2:
         return _largest_in_plane(kernel)
-    v = steepest_direction(kernel)
-    lower = float(kernel.integral(v[:, None])[0])
-    upper = math.inf
-    if n <= _MOST_IN_CONES:
-        most = int(_CONE_WORK / kernel.values.size)
-        upper = largest_on_sphere(kernel.integral, n, lower=lower, rtol=_CONE_RTOL, most=most)
-    if upper > lower * (1 + 2 * _CONE_RTOL):
-        upper = min(upper, _relaxed_maximum(kernel, _mixed(np.outer(v, v))).bound)
-    return Bracket(lower=lower, upper=upper)
+    return _bracket(kernel, steepest_direction(kernel), known=0.0)
 
 
 def largest_bound(values: FloatArray, weights: FloatArray) -> float:
@@ -107,20 +111,35 @@ def largest_bound(values: FloatArray, weights: FloatArray) -> float:
     n = values.shape[2]
     # With the length in place of |v'g|; a kernel that can't be the worst is left out.
     crude = lengths_of(values) @ weights
-    best, density = 0.0, None
+    best, v, density = 0.0, None, None
     for k in np.argsort(-crude):
         if crude[k] <= best:
             break
         kernel = WeightedVectors(values=values[k], weights=weights)
-        if n <= _MOST_IN_CONES:
+        if n <= 2:
             best = max(best, largest_integral(kernel).upper)
             continue
-        if density is None:
-            v = steepest_direction(kernel)
-            density = np.outer(v, v)
-        relaxed = _relaxed_maximum(kernel, _mixed(density))
+        v = steepest_direction(kernel) if v is None else _ascended(kernel, v[:, None], 1)[:, 0]
+        if n <= _MOST_IN_CONES:
+            best = max(best, _bracket(kernel, v, known=best).upper)
+            continue
+        relaxed = _relaxed_maximum(kernel, _mixed(np.outer(v, v) if density is None else density))
         best, density = max(best, relaxed.bound), relaxed.density
     return best
+
+
+def _bracket(kernel: WeightedVectors, v: FloatArray, *, known: float) -> Bracket:
+    """Bracket by a direction and by cones; not refined where the upper bound is within `known`."""
+    n = len(v)
+    lower = float(kernel.integral(v[:, None])[0])
+    upper = math.inf
+    if n <= _MOST_IN_CONES:
+        enough = max(lower, known / (1 + _CONE_RTOL))
+        most = int(_CONE_WORK / kernel.values.size)
+        upper = largest_on_sphere(kernel.integral, n, lower=enough, rtol=_CONE_RTOL, most=most)
+    if upper > max(lower * (1 + 2 * _CONE_RTOL), known):
+        upper = min(upper, _relaxed_maximum(kernel, _mixed(np.outer(v, v))).bound)
+    return Bracket(lower=lower, upper=upper)
 
 
 def _largest_in_plane(kernel: WeightedVectors) -> Bracket:
@@ -182,6 +201,25 @@ def _relaxed_maximum(kernel: WeightedVectors, s: FloatArray) -> _Relaxed:
     return _Relaxed(bound=bound, density=s)
 
 
+def absolute_sums(weights: FloatArray, values: FloatArray) -> FloatArray:
+    """``sum weights |values|`` of every column, a cache's worth of rows at a time.
+
+    Parameters
+    ----------
+    weights
+        Shape (N,).
+    values
+        Shape (N, p).
+    """
+    rows = max(_BLOCK // max(values.shape[1], 1), 1)
+    return np.asarray(
+        sum(
+            weights[first : first + rows] @ np.abs(values[first : first + rows])
+            for first in range(0, len(values), rows)
+        )
+    )
+
+
 def lengths_of(vectors: FloatArray) -> FloatArray:
     """Euclidean lengths along the last axis; `numpy.linalg.norm` is slow where that is short.
 
@@ -207,7 +245,8 @@ def steepest_direction(kernel: WeightedVectors) -> FloatArray:
 def steep_directions(kernel: WeightedVectors) -> FloatArray:
     """Unit vectors with locally largest ``integral |v'g|``, the largest first, shape (n, k).
 
-    Every step moves to the gradient's direction, which never lowers a convex function.
+    Every step moves to the gradient's direction, which never lowers a convex function. Where the
+    vectors are many, a part of them leads near, and the last steps are taken with all.
 
     Parameters
     ----------
@@ -219,13 +258,28 @@ def steep_directions(kernel: WeightedVectors) -> FloatArray:
     starts = np.vstack([np.eye(kernel.values.shape[1]), weighted[longest]])
     lengths = np.linalg.norm(starts, axis=1)
     v = (starts[lengths > 0] / lengths[lengths > 0, None]).T
-    most = max(int(_ASCENT_WORK / (weighted.size * v.shape[1])), 4)
-    for _ in range(min(most, _ASCENT_STEPS)):
+    if len(weighted) <= 2 * _ASCENT_VECTORS:
+        return _distinct(kernel, _ascended(kernel, v, _ASCENT_STEPS))
+    part = np.linspace(0, len(weighted) - 1, _ASCENT_VECTORS).astype(int)
+    few = WeightedVectors(values=kernel.values[part], weights=kernel.weights[part])
+    near = _distinct(few, _ascended(few, v, _ASCENT_STEPS))[:, :_POLISHED]
+    return _distinct(kernel, _ascended(kernel, near, _POLISH_STEPS))
+
+
+def _ascended(kernel: WeightedVectors, v: FloatArray, steps: int) -> FloatArray:
+    weighted = kernel.weights[:, None] * kernel.values
+    affordable = max(int(_ASCENT_WORK / (weighted.size * v.shape[1])), 4)
+    for _ in range(min(steps, affordable)):
         gradient = weighted.T @ np.sign(kernel.values @ v)
         moved = gradient / np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
         if np.allclose(moved, v, rtol=0, atol=1e-12):
             break
         v = moved
+    return v
+
+
+def _distinct(kernel: WeightedVectors, v: FloatArray) -> FloatArray:
+    """The directions with the largest integral first, without those close to one before."""
     v = v[:, np.argsort(-kernel.integral(v), kind='stable')]
     alike = np.tril(np.abs(v.T @ v) > _ALIKE, -1)
     return np.asarray(v[:, ~alike.any(axis=1)])

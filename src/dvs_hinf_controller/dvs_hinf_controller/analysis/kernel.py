@@ -102,6 +102,17 @@ def sample_kernel(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Path:
+    """States at unevenly spaced times, the bounds of what is missed, and ``integral ||g||``."""
+
+    times: FloatArray
+    states: FloatArray
+    error: FloatArray
+    tail: FloatArray
+    total: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Sampler:
     """A flow, where it starts and what is seen of it."""
 
@@ -116,19 +127,16 @@ class _Sampler:
         """Kernel with a chord error of about `rtol`, by ever shorter chords."""
         best, density = None, 1.0
         for _ in range(_MAX_PASSES):
-            kernel = self.march(density * rtol, rtol)
-            if kernel is None:
-                return best
-            total = float(
-                np.linalg.norm(kernel.values[0, :, : self.states], axis=1) @ kernel.weights
-            )
-            best, error = kernel, kernel.state_quadrature
-            if error <= _QUADRATURE_SHARE * rtol * total:
+            path = self.march(density * rtol, rtol)
+            if path is None:
                 break
-            density *= min(0.8 * _QUADRATURE_SHARE * rtol * total / error, 0.5)
-        return best
+            best, error = path, float(path.error[0])
+            if error <= _QUADRATURE_SHARE * rtol * path.total:
+                break
+            density *= min(0.8 * _QUADRATURE_SHARE * rtol * path.total / error, 0.5)
+        return None if best is None else self._kernel(best)
 
-    def march(self, chord: float, truncation: float) -> Kernel | None:
+    def march(self, chord: float, truncation: float) -> _Path | None:
         """March with steps that are powers of two, each as long as its chord error allows."""
         flow, x, block = self.flow, self.starts, _BLOCK
         times, states, count = [np.zeros(1)], [x[None]], 1
@@ -138,8 +146,13 @@ class _Sampler:
         while count < limit:
             size, tail = self._smallest(Bound.size, x), self._smallest(Bound.tail, x)
             if tail[0] * flow.per_second <= (1 - _QUADRATURE_SHARE) * truncation * total:
-                nodes = np.concatenate(times)
-                return self._kernel(nodes, np.concatenate(states), error, tail * flow.per_second)
+                return _Path(
+                    times=np.concatenate(times),
+                    states=np.concatenate(states),
+                    error=error,
+                    tail=tail * flow.per_second,
+                    total=total,
+                )
             # Its bound holds for all later times, so that one serves a block of equal steps.
             curvature = self._smallest(Bound.size, flow.curve @ x)
             allowed = (
@@ -167,18 +180,16 @@ class _Sampler:
         measured = [measure(bound, x, self.start_weights) for bound in self.bounds]
         return np.asarray(np.min(measured, axis=0))
 
-    def _kernel(
-        self, times: FloatArray, states: FloatArray, error: FloatArray, tail: FloatArray
-    ) -> Kernel:
-        nodes, size, count = states.shape
-        flat = np.ascontiguousarray(np.moveaxis(states, 1, 2)).reshape(nodes * count, size)
+    def _kernel(self, path: _Path) -> Kernel:
+        nodes, size, count = path.states.shape
+        flat = np.ascontiguousarray(np.moveaxis(path.states, 1, 2)).reshape(nodes * count, size)
         return Kernel(
-            times=times,
+            times=path.times,
             values=flat @ np.swapaxes(self.outputs, 1, 2),
-            weights=np.outer(self.flow.weights(times), self.start_weights).ravel(),
-            slop=(error + tail)[1:],
-            state_quadrature=float(error[0]),
-            state_tail=float(tail[0]),
+            weights=np.outer(self.flow.weights(path.times), self.start_weights).ravel(),
+            slop=(path.error + path.tail)[1:],
+            state_quadrature=float(path.error[0]),
+            state_tail=float(path.tail[0]),
         )
 
 

@@ -21,7 +21,7 @@ from dvs_hinf_controller.analysis.tail_bounds import (
 from dvs_hinf_controller.controller import LinearController
 
 _FASTEST_DECAY = 100.0
-_CHORD_SHARE = 0.45
+CHORD_SHARE = 0.45
 _DECAYED = 15.0
 _PHASES_PER_RADIAN = 6.0
 _MOST_PHASES = 8
@@ -257,7 +257,7 @@ class LiftedLoop:
         """
         modes = np.linalg.eigvals(self._flow[: self._held, : self._held])
         nodes, period = [0.0], self.timing.period
-        angle = math.sqrt(_CHORD_SHARE * 12 * rtol)
+        angle = math.sqrt(CHORD_SHARE * 12 * rtol)
         while nodes[-1] < period:
             alive = np.abs(modes[-modes.real * nodes[-1] < _DECAYED])
             step = angle / max(float(alive.max(initial=0.0)), angle / period)

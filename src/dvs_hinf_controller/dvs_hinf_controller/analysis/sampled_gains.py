@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.analysis.directions import largest_bound, lengths_of
+from dvs_hinf_controller.analysis.directions import absolute_sums, largest_bound, lengths_of
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel
-from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, SampledFlow
+from dvs_hinf_controller.analysis.lifted_loop import CHORD_SHARE, LiftedLoop, SampledFlow
 
 _CELL_GROWTH = 1.25
+# Chords' errors at first and at last, over the relative width that is aimed at.
+_FIRST_CHORD, _LAST_CHORD = 64.0, 0.02
+_MOST_PASSES = 2
+# How much more than their share chords, and the sampled kernel, may miss.
+_ENOUGH, _FAR = 2.0, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,11 +61,38 @@ class Gains:
         *others
             Gains of the same loop.
         """
+        return self._merged(np.maximum, others)
+
+    def least(self, *others: Gains) -> Gains:
+        """The smaller value of everything: of bounds of the same, each of which holds.
+
+        Parameters
+        ----------
+        *others
+            Gains of the same loop and signal.
+        """
+        return self._merged(np.minimum, others)
+
+    def excess_over(self, smaller: Gains) -> float:
+        """Largest share by which the gains to error and output exceed others.
+
+        Parameters
+        ----------
+        smaller
+            Gains of the same loop and signal.
+        """
+        own, others = (np.append(g.output, g.error) for g in (self, smaller))
+        return float(np.max((own - others) / np.maximum(others, 1e-300)))
+
+    def _merged(self, pick: np.ufunc, others: tuple[Gains, ...]) -> Gains:
+        each = (self, *others)
         return Gains(
+            error=float(pick.reduce([g.error for g in each])),
             **{
-                name: np.max([getattr(g, name) for g in (self, *others)], axis=0)
+                name: pick.reduce([getattr(g, name) for g in each])
                 for name in self.__dataclass_fields__
-            }
+                if name != 'error'
+            },
         )
 
 
@@ -96,17 +129,20 @@ class SampledGains:
         """
         loop, n = self._loop, self._states
         feedthrough = loop.controller.feedthrough_matrix[:, group]
-        nodes = loop.interval_nodes(self._rtol)
         start = np.concatenate([np.zeros(n), loop.controller.input_matrix[:, group]])
-        states = loop.after(nodes, start)
-        columns, weights = loop.lifted(states), trapezoidal_weights(nodes)
-        at_once = np.zeros((1, self._outputs.shape[1]))
-        if np.any(feedthrough):
-            response = loop.command_response(feedthrough)
-            columns, weights = np.column_stack([columns, response.state]), np.append(weights, 1.0)
-            at_once = response.outputs
-        slop = self._chord_error(nodes, states)
-        return self._gains(columns, weights, slop, _Direct.largest(at_once, n))
+        response = loop.command_response(feedthrough) if np.any(feedthrough) else None
+        at_once = np.zeros((1, self._outputs.shape[1])) if response is None else response.outputs
+        direct = _Direct.largest(at_once, n)
+
+        def with_nodes(nodes: FloatArray) -> _Pass:
+            states = loop.after(nodes, start)
+            columns, weights = loop.lifted(states), trapezoidal_weights(nodes)
+            if response is not None:
+                columns = np.column_stack([columns, response.state])
+                weights = np.append(weights, 1.0)
+            return self._pass(columns, weights, self._chord_error(nodes, states), direct)
+
+        return self._with_few_nodes(with_nodes)
 
     def of_drive(self, drive: FloatArray) -> Gains:
         """Gains of a signal that adds to xdot, at every instant.
@@ -117,12 +153,15 @@ class SampledGains:
             Direction, shape (n,).
         """
         loop = self._loop
-        nodes = loop.interval_nodes(self._rtol)
-        states = loop.after(nodes, np.concatenate([drive, np.zeros(loop.controller.order)]))
-        weights = trapezoidal_weights(nodes)
-        slop = self._chord_error(nodes, states)
-        direct = _Direct.sum(loop.at_once(states), weights, self._states)
-        return self._gains(loop.lifted(states), weights, slop, direct)
+        start = np.concatenate([drive, np.zeros(loop.controller.order)])
+
+        def with_nodes(nodes: FloatArray) -> _Pass:
+            states, weights = loop.after(nodes, start), trapezoidal_weights(nodes)
+            direct = _Direct.sum(loop.at_once(states), weights, self._states)
+            slop = self._chord_error(nodes, states)
+            return self._pass(loop.lifted(states), weights, slop, direct)
+
+        return self._with_few_nodes(with_nodes)
 
     def of_pulse(self, drive: FloatArray, width: float) -> Gains:
         """Gains of a pulse on xdot, once a period, within `width` of the switch of the command.
@@ -144,7 +183,7 @@ class SampledGains:
         )
         none = np.zeros(1 + self._outputs.shape[1])
         found = [
-            self._gains(loop.lifted(state[None]), np.array([width]), none, direct)
+            self._pass(loop.lifted(state[None]), np.array([width]), none, direct).gains
             for state in states
         ]
         return found[0].largest(*found[1:])
@@ -166,6 +205,27 @@ class SampledGains:
         norms = lengths_of(kernel.values[:, :, :n])
         return self._assembled(np.abs(kernel.values).max(axis=(0, 1)), float(norms.max()))
 
+    def _with_few_nodes(self, with_nodes: Callable[[FloatArray], _Pass]) -> Gains:
+        """Gains with as few instants in a period as keep what chords miss within its share.
+
+        A mode that is fast but hardly moved asks for few; where they are so many that too few
+        periods are sampled, fewer are better. All bounds hold: the least of each is taken.
+        """
+        share, chord = CHORD_SHARE * self._rtol, _FIRST_CHORD * self._rtol
+        found = with_nodes(self._loop.interval_nodes(chord))
+        gains = found.gains
+        for _ in range(_MOST_PASSES):
+            if not _ENOUGH * share < found.between_nodes < math.inf:
+                break
+            finer = max(chord * share / found.between_nodes, _LAST_CHORD * self._rtol)
+            found = with_nodes(self._loop.interval_nodes(finer))
+            gains = gains.least(found.gains)
+            if found.between_samples > _FAR * share:
+                between = math.sqrt(finer * chord)
+                return gains.least(with_nodes(self._loop.interval_nodes(between)).gains)
+            chord = finer
+        return gains
+
     def _chord_error(self, nodes: FloatArray, states: FloatArray) -> FloatArray:
         """What the trapezoids within a period may miss, summed over all periods, (1 + p,)."""
         curves = self._loop.lifted(states @ self._loop.interval_curve.T) / self._scale[:, None]
@@ -181,17 +241,24 @@ class SampledGains:
             return np.full(1 + self._outputs.shape[1], math.inf)
         return np.asarray(np.min(totals, axis=0))
 
-    def _gains(
+    def _pass(
         self, columns: FloatArray, weights: FloatArray, slop: FloatArray, direct: _Direct
-    ) -> Gains:
+    ) -> _Pass:
         kernel = self._kernel(columns, weights)
         if kernel is None:
-            return self._assembled(np.full(self._outputs.shape[1], math.inf), math.inf)
-        sums = np.einsum('i,pij->pj', kernel.weights, np.abs(kernel.values)).max(axis=0)
-        worst = largest_bound(kernel.values[:, :, : self._states], kernel.weights)
-        error = worst + kernel.state_quadrature + kernel.state_tail
-        return self._assembled(
-            sums + kernel.slop + slop[1:] + direct.rows, error + float(slop[0]) + direct.norm
+            infinite = np.full(self._outputs.shape[1], math.inf)
+            return _Pass(gains=self._assembled(infinite, math.inf))
+        sums = np.max([absolute_sums(kernel.weights, v) for v in kernel.values], axis=0)
+        rows = sums + direct.rows
+        error = largest_bound(kernel.values[:, :, : self._states], kernel.weights) + direct.norm
+        seen = self._assembled(rows, error)
+        rows, error = rows + kernel.slop, error + kernel.state_quadrature + kernel.state_tail
+        sampled = self._assembled(rows, error)
+        gains = self._assembled(rows + slop[1:], error + float(slop[0]))
+        return _Pass(
+            gains=gains,
+            between_nodes=gains.excess_over(sampled),
+            between_samples=sampled.excess_over(seen),
         )
 
     def _kernel(self, columns: FloatArray, weights: FloatArray) -> Kernel | None:
@@ -220,6 +287,15 @@ class SampledGains:
             commands=commands[:m],
             changes=commands[m : 2 * m],
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pass:
+    """Gains, and the shares of them that bound what was missed."""
+
+    gains: Gains
+    between_nodes: float = math.inf
+    between_samples: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

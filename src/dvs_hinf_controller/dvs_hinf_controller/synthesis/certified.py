@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -41,20 +41,24 @@ _FASTEST_SAMPLED_FILTER = 400.0
 _SPREAD = 4.0
 _CLIMB = (0.5, 2.0)
 _MOST_STEPS = 5
-_SLOW_RATE, _MIDDLE_RATE = 0.03, 0.5
+# A bandwidth whose score is not better by so much ends a climb.
+_WORTH_A_STEP = 1.005
 # Rate of the observer, and whether the filters are rich, of an unsampled loop's families; for more
 # states than these the first and third, since a program takes longer.
 _FEW_STATES = 6
-_FAMILIES = ((_SLOW_RATE, False), (4.0, False), (0.3, True), (_SLOW_RATE, True))
+_FAMILIES = ((0.03, False), (4.0, False), (0.3, True), (0.03, True))
+_SAMPLED_FAMILIES = ((0.5, False), (0.03, False), (4.0, False), (0.5, True), (0.03, True))
 _FASTEST_IN_DELAY = 4.0
 _LEAST_LUMINOSITY = 1e-3
 _REDUCTION_LOSS = 2e-3
 # Orders that are tried one by one; beyond them by bisection.
 _LOW_ORDERS = 4
 _COMPARISON_RTOL = 1e-3
-_SEARCH_RTOL, _FINAL_RTOL = 1e-2, 3e-4
-# A finer certificate adds some per cent to a score: less than this share of the best never wins.
-_WORTH_A_FINER_SCORE = 0.9
+_SEARCH_RTOL, _FINAL_RTOL = 5e-3, 3e-4
+# What a finer certificate may change: below this share of the best nothing wins.
+_WORTH_A_FINER_SCORE = 0.98
+# Scores from this share of the best on count as equal: the loop that decays fastest is taken.
+_EQUAL = 0.997
 
 
 def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> LinearController:
@@ -87,13 +91,10 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     if problem.model.group_count > 1:
         search.add_rival(partial(synthesize_groups, problem, options))
         best_weights(search.add_weighted, GroupWeights.first(search.disturbances))
-        if search.best is not None:
-            search.best_score = _score(problem, search.best)
         return search.result()
-    if np.linalg.eigvals(problem.model.state_matrix).real.max() < 0:
-        search.add(partial(_no_feedback, problem.model))
-        if search.best_score == math.inf:
-            return search.result()
+    stable = np.linalg.eigvals(problem.model.state_matrix).real.max() < 0
+    if stable and search.add(partial(_no_feedback, problem.model)) == math.inf:
+        return search.result()
     for synthesize in (synthesize_unstructured, synthesize_structured):
         search.add_rival(partial(synthesize, options=options))
     fastest = search.fastest
@@ -102,23 +103,28 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
         for rate, rich in _FAMILIES if small else _FAMILIES[::2]:
             search.add_peak_to_peak(rate, fastest, rich=rich)
         return search.result()
-    fastest = search.climb(_MIDDLE_RATE, fastest / _SPREAD, rich=False)
-    search.climb(_SLOW_RATE, fastest, rich=False)
-    fastest = search.climb(_MIDDLE_RATE, fastest, rich=True)
-    search.add_peak_to_peak(_SLOW_RATE, fastest, rich=True)
+    start = fastest / _SPREAD
+    for rate, rich in _SAMPLED_FAMILIES:
+        start = search.climb(rate, start, rich=rich)
     return search.result()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Candidate:
+    """A controller, its score, and whether it is another method's."""
+
+    controller: LinearController
+    score: float
+    rival: bool
 
 
 @dataclass(slots=True, kw_only=True)
 class _Search:
-    """The best controller so far, by the certificate of the problem."""
+    """Candidates, by the certificate of the problem."""
 
     problem: DesignProblem
     options: DesignOptions
-    best: LinearController | None = None
-    best_score: float = -math.inf
-    newest: LinearController | None = None
-    rivals: list[tuple[float, LinearController]] = field(default_factory=list)
+    candidates: list[_Candidate] = field(default_factory=list)
     failures: list[Exception] = field(default_factory=list)
     directions: list[FloatArray] = field(default_factory=list)
 
@@ -145,11 +151,8 @@ class _Search:
             return 0.0
         return (operation.latency + operation.sampling_period / 2) * self.units.rate
 
-    def add(
-        self, synthesize: Callable[[], LinearController], *, rtol: float = _COMPARISON_RTOL
-    ) -> float:
-        """Score of a candidate, which is kept if it is the best."""
-        self.newest = None
+    def add(self, synthesize: Callable[[], LinearController], *, rival: bool = False) -> float:
+        """Coarse score of a candidate."""
         try:
             controller = synthesize()
             abscissa = state_response(self.problem.model, controller).abscissa
@@ -157,20 +160,16 @@ class _Search:
                 detail = f'a closed-loop pole has real part {abscissa:.3g}'
                 raise SynthesisError(Assumption.CONFIRMATION, detail)
             with np.errstate(over='ignore', invalid='ignore'):  # without a bound: no candidate
-                score = _score(self.problem, controller, rtol=rtol)
+                score = _score(self.problem, controller, rtol=_SEARCH_RTOL)
         except (SynthesisError, np.linalg.LinAlgError) as error:
             self.failures.append(error)
             return -math.inf
-        self.newest = controller
-        if self.best is None or score > self.best_score:
-            self.best, self.best_score = controller, score
+        self.candidates.append(_Candidate(controller=controller, score=score, rival=rival))
         return score
 
     def add_rival(self, synthesize: Callable[[PlantModel], LinearController]) -> None:
         """Add the candidate of another method."""
-        score = self.add(lambda: for_the_error(self.problem, synthesize))
-        if self.newest is not None:
-            self.rivals.append((score, self.newest))
+        self.add(lambda: for_the_error(self.problem, synthesize), rival=True)
 
     def add_peak_to_peak(self, observer_rate: float, fastest: float, *, rich: bool) -> float:
         """Score of the best controller of a Youla family."""
@@ -206,7 +205,7 @@ class _Search:
         def of_weights(model: PlantModel) -> LinearController:
             return units.controller(weighted_controller(units.plant(model), weights, limit=limit))
 
-        return self.add(lambda: settled(self.problem, of_weights), rtol=_SEARCH_RTOL)
+        return self.add(lambda: settled(self.problem, of_weights))
 
     def climb(self, observer_rate: float, start: float, *, rich: bool) -> float:
         """Go down or up from a bandwidth while the score grows; return the best bandwidth."""
@@ -215,9 +214,11 @@ class _Search:
         for factor in _CLIMB:
             at, here = start, score
             for _ in range(_MOST_STEPS):
+                if at == limit < at * factor:
+                    break
                 at = min(at * factor, limit)
                 found = self.add_peak_to_peak(observer_rate, at, rich=rich)
-                if found > score:
+                if found > score * _WORTH_A_STEP:
                     best, score = at, found
                 elif math.isfinite(found):
                     break
@@ -228,25 +229,35 @@ class _Search:
     def result(self) -> LinearController:
         """The best controller, or one of lower order that loses next to nothing.
 
-        None of the other methods' is better, to the accuracy of the certificate itself.
+        Of nearly equal ones the one that decays fastest. None of the other methods' is better, to
+        the accuracy of the certificate itself.
         """
-        best = self._reduced()
-        least = _WORTH_A_FINER_SCORE * self.best_score
-        rivals = [rival for score, rival in self.rivals if score > least]
+        if not self.candidates:
+            raise self.failures[0]
+        leader = max(self.candidates, key=lambda k: k.score)
+        if not math.isfinite(leader.score):
+            return leader.controller
+        least = _WORTH_A_FINER_SCORE * leader.score
+        close = [self._compared(k) for k in self.candidates if k.score >= least]
+        equal = _EQUAL * max(k.score for k in close)
+        best = self._reduced(min((k for k in close if k.score >= equal), key=self._abscissa))
+        rivals = [k.controller for k in close if k.rival]
         if not rivals:
             return best
         return max([best, *rivals], key=lambda k: _score(self.problem, k, rtol=_FINAL_RTOL))
 
-    def _reduced(self) -> LinearController:
-        if self.best is None:
-            raise self.failures[0]
-        if not math.isfinite(self.best_score):
-            return self.best
+    def _compared(self, candidate: _Candidate) -> _Candidate:
+        return replace(candidate, score=_score(self.problem, candidate.controller))
+
+    def _abscissa(self, candidate: _Candidate) -> float:
+        return state_response(self.problem.model, candidate.controller).abscissa
+
+    def _reduced(self, best: _Candidate) -> LinearController:
         try:
-            truncations = reduced_controllers(self.problem.model, self.best)
+            truncations = reduced_controllers(self.problem.model, best.controller)
         except np.linalg.LinAlgError:
-            return self.best
-        enough = self.best_score * (1 - _REDUCTION_LOSS)
+            return best.controller
+        enough = best.score * (1 - _REDUCTION_LOSS)
         low, high = min(_LOW_ORDERS, len(truncations)), len(truncations)
         for candidate in truncations[:low]:
             if _score(self.problem, candidate) >= enough:
@@ -257,7 +268,7 @@ class _Search:
                 high = middle
             else:
                 low = middle + 1
-        return truncations[high] if high < len(truncations) else self.best
+        return truncations[high] if high < len(truncations) else best.controller
 
 
 def _no_feedback(model: PlantModel) -> LinearController:
