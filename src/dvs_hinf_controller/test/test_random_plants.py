@@ -92,7 +92,7 @@ SMALL = [seed for seed in ALL if random_plant(seed).plain.state_count <= 4]
 
 
 # Where it is more, or not known to be less, what was measured: docs/design.md.
-BEYOND_A_TENTH = {45: 1.30, 74: 1.40, 114: 1.40, 122: 50.0, 157: 1.55}
+BEYOND_A_TENTH = {45: 1.30, 74: 1.40, 114: 1.40, 122: 50.0, 135: 1.20, 157: 1.55}
 
 
 @each((2, 7, 18, 34, 43), SMALL)

@@ -55,8 +55,9 @@ _REDUCTION_LOSS = 2e-3
 _LOW_ORDERS = 4
 _COMPARISON_RTOL = 1e-3
 _SEARCH_RTOL, _FINAL_RTOL = 5e-3, 3e-4
-# What a finer certificate may change: below this share of the best nothing wins.
-_WORTH_A_FINER_SCORE = 0.98
+# Shares of the best score from which on a finer one decides; less for a rival, since none may be
+# better, also where rounding makes coarse scores poor.
+_WORTH_COMPARING, _WORTH_COMPARING_A_RIVAL = 0.98, 0.5
 # Scores from this share of the best on count as equal: the loop that decays fastest is taken.
 _EQUAL = 0.997
 
@@ -237,11 +238,16 @@ class _Search:
         leader = max(self.candidates, key=lambda k: k.score)
         if not math.isfinite(leader.score):
             return leader.controller
-        least = _WORTH_A_FINER_SCORE * leader.score
-        close = [self._compared(k) for k in self.candidates if k.score >= least]
-        equal = _EQUAL * max(k.score for k in close)
-        best = self._reduced(min((k for k in close if k.score >= equal), key=self._abscissa))
-        rivals = [k.controller for k in close if k.rival]
+        close = [
+            self._compared(k)
+            for k in self.candidates
+            if k.score
+            >= (_WORTH_COMPARING_A_RIVAL if k.rival else _WORTH_COMPARING) * leader.score
+        ]
+        most = max(k.score for k in close)
+        equals = [k for k in close if k.score >= _EQUAL * most]
+        best = self._reduced(min(equals, key=self._abscissa))
+        rivals = [k.controller for k in close if k.rival and k.score >= _WORTH_COMPARING * most]
         if not rivals:
             return best
         return max([best, *rivals], key=lambda k: _score(self.problem, k, rtol=_FINAL_RTOL))
