@@ -29,7 +29,6 @@ from dvs_hinf_controller.design.design_report import report_text
 from dvs_hinf_controller.design.design_warnings import RunningLoop, design_warnings
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.state_space import state_response
 
 CONFIG = Path(__file__).parents[3] / 'config'
 
@@ -343,13 +342,6 @@ def test_some_family_suits_every_kind_of_loop(name, changes, least) -> None:
     scenario = load_scenario(CONFIG / f'{name}.yaml').replace(method='certified', **changes)
 
     assert design_from_scenario(scenario).figures.h_certified >= least
-
-
-def test_of_loops_that_bear_the_same_the_one_that_decays_fast_is_taken() -> None:
-    """A motor bears as much in a loop with a pole at -0.002 1/s as in one at -1 1/s."""
-    design = design_from_scenario(load_scenario(CONFIG / 'textbook' / 'dc_motor.yaml'))
-
-    assert state_response(design.problem.model, design.controller).abscissa < -0.9
 
 
 @pytest.mark.parametrize(

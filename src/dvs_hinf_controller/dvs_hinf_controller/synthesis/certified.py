@@ -58,8 +58,6 @@ _SEARCH_RTOL, _FINAL_RTOL = 5e-3, 3e-4
 # Shares of the best score from which on a finer one decides; less for a rival, since none may be
 # better, also where rounding makes coarse scores poor.
 _WORTH_COMPARING, _WORTH_COMPARING_A_RIVAL = 0.98, 0.5
-# Scores from this share of the best on count as equal: the loop that decays fastest is taken.
-_EQUAL = 0.997
 
 
 def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> LinearController:
@@ -230,8 +228,7 @@ class _Search:
     def result(self) -> LinearController:
         """The best controller, or one of lower order that loses next to nothing.
 
-        Of nearly equal ones the one that decays fastest. None of the other methods' is better, to
-        the accuracy of the certificate itself.
+        None of the other methods' is better, to the accuracy of the certificate itself.
         """
         if not self.candidates:
             raise self.failures[0]
@@ -244,19 +241,16 @@ class _Search:
             if k.score
             >= (_WORTH_COMPARING_A_RIVAL if k.rival else _WORTH_COMPARING) * leader.score
         ]
-        most = max(k.score for k in close)
-        equals = [k for k in close if k.score >= _EQUAL * most]
-        best = self._reduced(min(equals, key=self._abscissa))
-        rivals = [k.controller for k in close if k.rival and k.score >= _WORTH_COMPARING * most]
+        leader = max(close, key=lambda k: k.score)
+        best = self._reduced(leader)
+        least = _WORTH_COMPARING * leader.score
+        rivals = [k.controller for k in close if k.rival and k.score >= least]
         if not rivals:
             return best
         return max([best, *rivals], key=lambda k: _score(self.problem, k, rtol=_FINAL_RTOL))
 
     def _compared(self, candidate: _Candidate) -> _Candidate:
         return replace(candidate, score=_score(self.problem, candidate.controller))
-
-    def _abscissa(self, candidate: _Candidate) -> float:
-        return state_response(self.problem.model, candidate.controller).abscissa
 
     def _reduced(self, best: _Candidate) -> LinearController:
         try:
