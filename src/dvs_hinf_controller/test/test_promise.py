@@ -309,7 +309,6 @@ def test_no_signal_beats_the_gains(designs, seed, period, share) -> None:
     [
         ('mirror_r1', {'sampling_period': 5e-3, 'loop_latency': 5e-3}),
         ('mirror_r1', {'sampling_period': 1e-3}),
-        ('textbook/dc_motor', {}),
     ],
 )
 def test_gains_are_as_accurate_as_asked(name, changes) -> None:

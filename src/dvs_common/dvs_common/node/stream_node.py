@@ -21,12 +21,10 @@ from dvs_common.node.direct_calls import AnyPublisher, DirectCalls, DirectPublis
 from dvs_common.node.fitting_subscription import FittingSubscription
 from dvs_common.node.message_information import Arrivals, WithInformation
 from dvs_common.node.parameter_node import ParameterNode
+from dvs_common.node.sole_publisher import SolePublisher
 from dvs_common.node.token_publisher import TokenPublisher
 from dvs_common.scenario.schema import ParameterSpec
 from dvs_common.wire.cdr import MessageError
-
-# The middleware gives up a killed process only after a while.
-_GHOST = ' (unless one was killed in the last seconds)'
 
 
 class StreamNode(ParameterNode):
@@ -60,7 +58,7 @@ class StreamNode(ParameterNode):
         self.lost_messages = 0
         # To the other nodes of this process, if there are some.
         self.direct: DirectCalls | None = None
-        self._sole: list[str] = []
+        self._sole: list[SolePublisher] = []
         self._heard_s: dict[str, float] = {}
         self._active_since_s = 0.0
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
@@ -199,20 +197,11 @@ class StreamNode(ParameterNode):
         topic
             Topic of which one publisher is right.
         """
-        self._sole.append(topic)
+        self._sole.append(SolePublisher(self, topic))
 
     def rivals(self) -> list[str]:
         """Topics that have several publishers, with the names of their nodes."""
-        found = []
-        for topic in self._sole:
-            names = sorted(
-                f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                for info in self.get_publishers_info_by_topic(topic)
-            )
-            if len(names) > 1:
-                ghost = '' if len(set(names)) == len(names) else _GHOST
-                found.append(f'{topic} has {len(names)} publishers: {", ".join(names)}{ghost}')
-        return found
+        return [rivals for sole in self._sole if (rivals := sole.rivals())]
 
     def _reject(self, topic: str, reason: str) -> None:
         self.rejected_messages += 1
