@@ -23,6 +23,7 @@ ROS_ROOMS = {
         'node.fitting_subscription',
         'node.ros_parameters',
         'node.session',
+        'node.sole_publisher',
         'node.spin',
         'node.token_publisher',
     },
