@@ -337,7 +337,7 @@ def test_gains_are_as_accurate_as_asked(name, changes) -> None:
     ],
 )
 def test_some_family_suits_every_kind_of_loop(name, changes, least) -> None:
-    """Each is the best of another family; without that family it bears a fifth less or more."""
+    """The last three are not reached without the families of a fast observer."""
     scenario = load_scenario(CONFIG / f'{name}.yaml').replace(method='certified', **changes)
 
     assert design_from_scenario(scenario).figures.h_certified >= least

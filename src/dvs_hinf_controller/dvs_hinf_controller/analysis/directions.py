@@ -55,13 +55,12 @@ class WeightedVectors:
         directions
             Shape (n, k).
         """
-        count, columns = len(self.values), directions.shape[1]
-        rows = max(_BLOCK // max(columns, 1), 1)
-        total, room = np.zeros(columns), np.empty((min(rows, count), columns))
-        for first in range(0, count, rows):
-            values = self.values[first : first + rows]
+        columns = directions.shape[1]
+        total, room = np.zeros(columns), np.empty((_rows(columns), columns))
+        for part in _parts(len(self.values), columns):
+            values = self.values[part]
             products = np.matmul(values, directions, out=room[: len(values)])
-            total += self.weights[first : first + rows] @ np.abs(products, out=products)
+            total += self.weights[part] @ np.abs(products, out=products)
         return total
 
 
@@ -202,7 +201,7 @@ def _relaxed_maximum(kernel: WeightedVectors, s: FloatArray) -> _Relaxed:
 
 
 def absolute_sums(weights: FloatArray, values: FloatArray) -> FloatArray:
-    """``sum weights |values|`` of every column, a cache's worth of rows at a time.
+    """``sum weights |values|`` of every column.
 
     Parameters
     ----------
@@ -211,13 +210,19 @@ def absolute_sums(weights: FloatArray, values: FloatArray) -> FloatArray:
     values
         Shape (N, p).
     """
-    rows = max(_BLOCK // max(values.shape[1], 1), 1)
-    return np.asarray(
-        sum(
-            weights[first : first + rows] @ np.abs(values[first : first + rows])
-            for first in range(0, len(values), rows)
-        )
-    )
+    parts = _parts(*values.shape)
+    return np.asarray(sum(weights[part] @ np.abs(values[part]) for part in parts))
+
+
+def _rows(columns: int) -> int:
+    """How many rows a cache holds."""
+    return max(_BLOCK // max(columns, 1), 1)
+
+
+def _parts(rows: int, columns: int) -> list[slice]:
+    """Rows that a cache holds at a time."""
+    step = _rows(columns)
+    return [slice(first, first + step) for first in range(0, rows, step)]
 
 
 def lengths_of(vectors: FloatArray) -> FloatArray:

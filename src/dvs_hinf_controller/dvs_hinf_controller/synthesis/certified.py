@@ -232,22 +232,21 @@ class _Search:
         """
         if not self.candidates:
             raise self.failures[0]
-        leader = max(self.candidates, key=lambda k: k.score)
-        if not math.isfinite(leader.score):
-            return leader.controller
-        close = [
-            self._compared(k)
-            for k in self.candidates
-            if k.score
-            >= (_WORTH_COMPARING_A_RIVAL if k.rival else _WORTH_COMPARING) * leader.score
-        ]
-        leader = max(close, key=lambda k: k.score)
-        best = self._reduced(leader)
-        least = _WORTH_COMPARING * leader.score
-        rivals = [k.controller for k in close if k.rival and k.score >= least]
+        coarsely_best = max(self.candidates, key=lambda k: k.score)
+        if not math.isfinite(coarsely_best.score):
+            return coarsely_best.controller
+        least = {
+            False: _WORTH_COMPARING * coarsely_best.score,
+            True: _WORTH_COMPARING_A_RIVAL * coarsely_best.score,
+        }
+        close = [self._compared(k) for k in self.candidates if k.score >= least[k.rival]]
+        best = max(close, key=lambda k: k.score)
+        reduced = self._reduced(best)
+        equal = _WORTH_COMPARING * best.score
+        rivals = [k.controller for k in close if k.rival and k.score >= equal]
         if not rivals:
-            return best
-        return max([best, *rivals], key=lambda k: _score(self.problem, k, rtol=_FINAL_RTOL))
+            return reduced
+        return max([reduced, *rivals], key=lambda k: _score(self.problem, k, rtol=_FINAL_RTOL))
 
     def _compared(self, candidate: _Candidate) -> _Candidate:
         return replace(candidate, score=_score(self.problem, candidate.controller))
