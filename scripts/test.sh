@@ -9,7 +9,7 @@ usage: scripts/test.sh [--fast | --long] [PYTEST ARGUMENT ...]
 
 Sets up, runs ruff and mypy, then pytest with the given arguments.
 
-  --fast   only the tests of the cores that start no other process and try no ensemble of plants
+  --fast   only the tests of the cores that start no other process and design or run for no seconds
   --long   also what runs for minutes to hours; a short form of it is always run
   --help   show this text
 TEXT

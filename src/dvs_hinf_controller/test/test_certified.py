@@ -87,6 +87,7 @@ def test_no_sector_trajectory_leaves_the_tolerance(
     assert beyond > problem.tolerance
 
 
+@pytest.mark.ensemble
 def test_published_threshold_is_no_guarantee(paper_problem: Make) -> None:
     """A low static gain raises h*, not h_certified: some Delta within delta* breaks eps."""
     problem = paper_problem(1, mirror=True)

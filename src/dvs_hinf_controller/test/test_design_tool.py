@@ -70,6 +70,7 @@ def test_a_design_in_a_folder_is_called_after_its_scenario(
     assert "can't be made: Not a directory" in capsys.readouterr().err
 
 
+@pytest.mark.ensemble
 def test_a_comparison_shows_what_works_and_why_the_rest_does_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

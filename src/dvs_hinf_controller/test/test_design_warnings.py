@@ -217,7 +217,11 @@ CASES: list[tuple[str, str, Callable[[], Values], Callable[[], Values]]] = [
 ]
 
 
-@pytest.mark.parametrize(('name', 'words', 'there', 'not_there'), CASES)
+def marked(case: tuple) -> object:
+    return pytest.param(*case, marks=[pytest.mark.ensemble] * case[1].startswith('certified'))
+
+
+@pytest.mark.parametrize(('name', 'words', 'there', 'not_there'), [marked(case) for case in CASES])
 def test_a_warning_appears_where_it_must_and_not_beyond_its_border(name, words, there, not_there):
     def count(values: Values) -> int:
         return sum(words in warning for warning in warnings_of(name, values))

@@ -159,6 +159,7 @@ def test_another_input_does_not_raise_mu(paper_model: PlantModel) -> None:
     assert mu <= 2.3860
 
 
+@pytest.mark.ensemble
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(model=plants(max_states=5, max_inputs=2))
 def test_designs_of_random_plants_meet_their_norms(model: PlantModel) -> None:

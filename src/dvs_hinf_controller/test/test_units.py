@@ -88,6 +88,7 @@ def written_anew(problem: DesignProblem, generator) -> DesignProblem:
 
 
 # A slow stable plant, which needs no feedback and bears any threshold, and one with two inputs.
+@pytest.mark.ensemble
 @pytest.mark.parametrize('seed', [0, 1])
 def test_certified_does_not_depend_on_the_unit_of_any_state_input_time_or_light(
     problem_of, seed

@@ -70,6 +70,7 @@ def random_conditions(rng, plain):
     return Conditions(**choices)
 
 
+@pytest.mark.ensemble
 @pytest.mark.parametrize('seed', range(6))
 def test_compiled_runs_have_the_bytes_of_the_nodes_cores(seed):
     rng = np.random.default_rng(seed)
@@ -123,6 +124,7 @@ def test_a_run_that_goes_dark_ends_as_the_nodes_end_it():
         run_sampled(plain, conditions=push)
 
 
+@pytest.mark.ensemble
 def test_many_runs_are_the_runs_one_by_one():
     plain = scenario('mirror', 3).replace(duration=0.1, reference_uncertainty=0.002)
     design = run_by_messages(plain).design

@@ -85,6 +85,7 @@ def run_with_load(*, integral_action, **values):
     return states[len(states) * 2 // 3 :], commands
 
 
+@pytest.mark.ensemble
 def test_integral_action_takes_the_loads_of_two_groups_away():
     without, _ = run_with_load(integral_action=False)
     states, _ = run_with_load(integral_action=True)
@@ -94,6 +95,7 @@ def test_integral_action_takes_the_loads_of_two_groups_away():
     assert np.linalg.norm(states, axis=1).max() < STRIPES.objective.tolerance
 
 
+@pytest.mark.ensemble
 def test_two_groups_regulate_at_the_limit_of_their_commands():
     _, free = run_with_load(integral_action=True)
     states, commands = run_with_load(integral_action=True, command_limit=[0.3])

@@ -48,6 +48,7 @@ def test_an_exact_run_writes_result_and_figure(tmp_path, capsys):
     assert 'regulated' in capsys.readouterr().out
 
 
+@pytest.mark.ensemble
 def test_a_run_that_leaves_its_tolerance_is_reported_as_such(tmp_path, capsys):
     code, result = simulate(tmp_path, '--event-threshold', '0.5', '--duration', '10')
     assert code == 1
@@ -62,6 +63,7 @@ def test_the_sampled_mode_gives_the_verdict_of_the_ros_loop(tmp_path):
     assert result['regulated'] is True
 
 
+@pytest.mark.ensemble
 def test_a_hot_pixel_leaves_the_mean_the_certificate_and_the_verdict(tmp_path):
     hot = {'hot_pixel_fraction': 0.12, 'hot_pixel_rate': 60.0, 'duration': 6.0, 'seed': 1}
     values = dict(load_scenario(CONFIG / 'real_sensor.yaml').values) | {'mode': 'lockstep'} | hot
@@ -100,6 +102,7 @@ def test_a_phase_portrait_names_the_states_that_it_does_not_show(states, title):
     assert phase_portrait_title(states) == title
 
 
+@pytest.mark.ensemble
 def test_a_method_of_the_command_line_designs_the_controller(tmp_path):
     _, plain = simulate(tmp_path)
     _, other = simulate(tmp_path, '--method', 'structured')
@@ -121,6 +124,7 @@ def exact(tmp_path, name, **values):
     return json.loads(text, parse_constant=none)
 
 
+@pytest.mark.ensemble
 @pytest.mark.parametrize(
     ('values', 'promised'),
     [
@@ -136,6 +140,7 @@ def test_an_exact_run_is_promised_within_both_certificates_where_nothing_acts(
     assert exact(tmp_path, 'textbook/heading', duration=1.0, **values)['certified'] is promised
 
 
+@pytest.mark.ensemble
 def test_a_run_that_ends_in_the_dark_has_broken_off(tmp_path, capsys):
     result = exact(tmp_path, 'textbook/ball_and_beam', duration=8.0, event_threshold=0.9)
 
