@@ -11,6 +11,9 @@ from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.design.design_warnings import RunningLoop, design_warnings
 from dvs_simulation.judging.measures import error
 from dvs_simulation.judging.trace import decode_trace
+from dvs_simulation.sampled.compiled_loop import compiled_loop
+from dvs_simulation.sampled.conditions import AS_IN_SCENARIO
+from dvs_simulation.sampled.messages import messages_of
 from dvs_simulation.sampled.sampled_loop import run_by_messages
 
 pytestmark = pytest.mark.ensemble
@@ -27,14 +30,15 @@ def designs():
 
 
 def worst_of_the_thirds(design, period, *, start, threshold, duration):
-    """Largest error of the first, second and last third of a run of the nodes' cores."""
+    """Largest error of the first, second and last third of a run."""
     scenario = CART_POLE.replace(
         sampling_period=round(period, 9),
         initial_state=(start, 0.0, 0.0, 0.0),
         event_threshold=threshold,
         duration=duration,
     )
-    trace = decode_trace(run_by_messages(scenario, design=design).messages)
+    run = compiled_loop(scenario, design).run(AS_IN_SCENARIO)
+    trace = decode_trace(messages_of(run, scenario))
     errors = error(trace.states, scenario.equilibrium, scenario.error_weights)
     return [part.max() for part in np.array_split(errors, 3)]
 
