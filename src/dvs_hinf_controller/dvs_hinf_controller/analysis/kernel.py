@@ -185,7 +185,7 @@ class _Sampler:
         flat = np.ascontiguousarray(np.moveaxis(path.states, 1, 2)).reshape(nodes * count, size)
         return Kernel(
             times=path.times,
-            values=flat @ np.swapaxes(self.outputs, 1, 2),
+            values=flat @ np.ascontiguousarray(np.swapaxes(self.outputs, 1, 2)),
             weights=np.outer(self.flow.weights(path.times), self.start_weights).ravel(),
             slop=(path.error + path.tail)[1:],
             state_quadrature=float(path.error[0]),
