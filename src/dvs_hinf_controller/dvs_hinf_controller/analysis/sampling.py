@@ -15,6 +15,8 @@ from dvs_hinf_controller.controller import LinearController
 
 _STEPS_PER_DECADE = 20
 _SHORTEST = 1e-8
+# Periods that are tried together.
+_AT_ONCE = 10
 
 
 def sampled_matrix(
@@ -43,7 +45,8 @@ def sampled_matrix(
         Shape (n + k, n + k).
     """
     loop = _SampledLoop.of(model, controller)
-    return loop.interpolated_map(period) if interpolates else loop.map(period)
+    flow = loop.flow_over(np.array(period))
+    return loop.interpolated_map(flow, np.array(period)) if interpolates else loop.map(flow)
 
 
 def is_stable_at(model: PlantModel, controller: LinearController, period: float) -> bool:
@@ -58,7 +61,7 @@ def is_stable_at(model: PlantModel, controller: LinearController, period: float)
     period
         Sampling period, s.
     """
-    return _SampledLoop.of(model, controller).is_stable_at(period)
+    return bool(_SampledLoop.of(model, controller).is_stable_at(np.array(period)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,30 +89,36 @@ class _SampledLoop:
         kept = np.delete(np.arange(n + m + k), np.arange(n, n + m))
         return cls(model=model, controller=controller, flow=flow, start=start, kept=kept)
 
-    def is_stable_at(self, period: float) -> bool:
-        return (
-            _spectral_radius(self.map(period))
-            < 1
-            > _spectral_radius(self.interpolated_map(period))
+    def is_stable_at(self, periods: FloatArray) -> NDArray[np.bool_]:
+        """Of each of the periods."""
+        flows = self.flow_over(periods)
+        interpolated = self.interpolated_map(flows, periods)
+        return np.asarray(
+            np.maximum(_spectral_radii(self.map(flows)), _spectral_radii(interpolated)) < 1
         )
 
-    def map(self, period: float) -> FloatArray:
-        end = scipy.linalg.expm(self.flow * period) @ self.start
-        return np.asarray(end[self.kept], dtype=np.float64)
+    def flow_over(self, periods: FloatArray) -> FloatArray:
+        return _expm(np.multiply.outer(periods, self.flow))
 
-    def interpolated_map(self, period: float) -> FloatArray:
+    def map(self, flows: FloatArray) -> FloatArray:
+        return (flows @ self.start)[..., self.kept, :]
+
+    def interpolated_map(self, flows: FloatArray, periods: FloatArray) -> FloatArray:
         """K is driven by c'x of the sample, and by its growth up to the next one."""
         n, k, c = self.model.state_count, self.controller.order, self.model.gradients
         inputs, groups = self.model.input_count, len(c)
-        plant = self.flow[: n + inputs, : n + inputs]
-        state = scipy.linalg.expm(plant * period)[:n] @ self.start[: n + inputs]
+        # The plant's flow does not depend on xc.
+        states = flows[..., :n, : n + inputs] @ self.start[: n + inputs]
         now = c @ np.eye(n, n + k)
-        drive = np.zeros((k + 2 * groups,) * 2)
-        drive[:k, :k] = self.controller.state_matrix
-        drive[:k, k : k + groups] = self.controller.input_matrix
-        drive[k : k + groups, k + groups :] = np.eye(groups) / period
-        driven = scipy.linalg.expm(drive * period)[:k]
-        return np.vstack([state, driven @ np.vstack([np.eye(k, n + k, n), now, c @ state - now])])
+        drive = np.zeros((*periods.shape, *(k + 2 * groups,) * 2))
+        drive[..., :k, :k] = np.multiply.outer(periods, self.controller.state_matrix)
+        drive[..., :k, k : k + groups] = np.multiply.outer(periods, self.controller.input_matrix)
+        drive[..., k : k + groups, k + groups :] = np.eye(groups)
+        seen = np.empty((*periods.shape, k + 2 * groups, n + k))
+        seen[..., :k, :] = np.eye(k, n + k, n)
+        seen[..., k : k + groups, :] = now
+        seen[..., k + groups :, :] = c @ states - now
+        return np.concatenate([states, _expm(drive)[..., :k, :] @ seen], axis=-2)
 
 
 def max_sampling_period(model: PlantModel, controller: LinearController) -> float:
@@ -132,30 +141,42 @@ def max_sampling_period(model: PlantModel, controller: LinearController) -> floa
         Zero only where rounding hides that the continuous loop is stable. Infinite if no period
         up to 1000 time constants of the slowest pole is too long.
     """
-    stable = _SampledLoop.of(model, controller).is_stable_at
+    loop = _SampledLoop.of(model, controller)
     rates = np.abs(
         np.linalg.eigvals(scipy.linalg.block_diag(model.state_matrix, controller.state_matrix))
     )
     fastest = max(float(rates.max()), 1e-6)
     slowest = max(float(rates[rates > 0].min(initial=fastest)), 1e-6)
     low, end = 1e-3 / fastest, 1e3 / slowest
-    while not stable(low):
+    while not loop.is_stable_at(np.array(low)):
         low /= 10
         if low < _SHORTEST / fastest:
             return 0.0
-    step = 10 ** (1 / _STEPS_PER_DECADE)
-    while stable(low * step):
-        low *= step
-        if low > end:
-            return math.inf
-    high = low * step
+    longer = (10 ** (1 / _STEPS_PER_DECADE),) * _AT_ONCE
+    while low <= end:
+        grid = np.asarray(np.cumprod([low, *longer]), dtype=np.float64)
+        too_long = ~loop.is_stable_at(grid[1:]) & (grid[:-1] <= end)
+        if too_long.any():
+            first = int(np.argmax(too_long))
+            return _edge(loop, *grid[first : first + 2].tolist())
+        low = float(grid[-1])
+    return math.inf
+
+
+def _edge(loop: _SampledLoop, low: float, high: float) -> float:
+    """Where between a stable and an unstable period stability ends, to a thousandth."""
     while high > low * 1.001:
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
+        low, high = (middle, high) if loop.is_stable_at(np.array(middle)) else (low, middle)
     return low
 
 
-def _spectral_radius(matrix: FloatArray) -> float:
-    if not np.isfinite(matrix).all():
-        return math.inf
-    return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+def _spectral_radii(matrices: FloatArray) -> FloatArray:
+    """Spectral radius of each matrix, infinite for one that has overflowed."""
+    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+    sound = np.where(finite[..., None, None], matrices, 0.0)
+    return np.where(finite, np.abs(np.linalg.eigvals(sound)).max(axis=-1), math.inf)
+
+
+def _expm(matrices: FloatArray) -> FloatArray:
+    return np.asarray(scipy.linalg.expm(matrices), dtype=np.float64)
