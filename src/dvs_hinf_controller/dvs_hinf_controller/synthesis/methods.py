@@ -1,4 +1,7 @@
-"""The synthesis methods by name; packages add their own by an entry point."""
+"""The synthesis methods by name; packages add their own by an entry point.
+
+The modules of a method are imported when it is used: a program uses one.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,7 @@ from importlib.metadata import entry_points
 from dvs_common.errors import ParameterError
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.problem import DesignProblem
-from dvs_hinf_controller.synthesis.certified import synthesize_certified
-from dvs_hinf_controller.synthesis.error_units import for_the_error
-from dvs_hinf_controller.synthesis.group_weights import synthesize_groups
 from dvs_hinf_controller.synthesis.options import DesignOptions
-from dvs_hinf_controller.synthesis.structured import synthesize_structured
 
 Synthesis = Callable[[DesignProblem, DesignOptions], LinearController]
 
@@ -38,25 +37,35 @@ class SynthesisMethod:
     synthesize: Synthesis
 
 
+def _unstructured(problem: DesignProblem, options: DesignOptions) -> LinearController:
+    """Minimise sup_w ||W G(jw)||: H-infinity synthesis (paper, section IV.A)."""
+    from dvs_hinf_controller.synthesis.error_units import for_the_error
+    from dvs_hinf_controller.synthesis.group_weights import synthesize_groups
+
+    return for_the_error(problem, lambda model: synthesize_groups(problem, options, model))
+
+
+def _structured(problem: DesignProblem, options: DesignOptions) -> LinearController:
+    """Minimise mu = sup_w (|T| + ||W G||): the sector as it is (paper, section IV.A)."""
+    from dvs_hinf_controller.synthesis.error_units import for_the_error
+    from dvs_hinf_controller.synthesis.structured import synthesize_structured
+
+    return for_the_error(problem, lambda model: synthesize_structured(model, options))
+
+
+def _certified(problem: DesignProblem, options: DesignOptions) -> LinearController:
+    """Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee")."""
+    from dvs_hinf_controller.synthesis.certified import synthesize_certified
+
+    return synthesize_certified(problem, options)
+
+
 METHODS = {
     method.name: method
     for method in (
-        # Minimise sup_w ||W G(jw)||: H-infinity synthesis (paper, section IV.A).
-        SynthesisMethod(
-            name='unstructured',
-            synthesize=lambda problem, options: for_the_error(
-                problem, lambda model: synthesize_groups(problem, options, model)
-            ),
-        ),
-        # Minimise mu = sup_w (|T| + ||W G||): the sector as it is (paper, section IV.A).
-        SynthesisMethod(
-            name='structured',
-            synthesize=lambda problem, options: for_the_error(
-                problem, lambda model: synthesize_structured(model, options)
-            ),
-        ),
-        # Maximise h_certified: peak-to-peak design (docs/theory.md, "A guarantee").
-        SynthesisMethod(name='certified', synthesize=synthesize_certified),
+        SynthesisMethod(name='unstructured', synthesize=_unstructured),
+        SynthesisMethod(name='structured', synthesize=_structured),
+        SynthesisMethod(name='certified', synthesize=_certified),
     )
 }
 
