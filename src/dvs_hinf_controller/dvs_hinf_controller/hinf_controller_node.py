@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Twist, Wrench
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty, Float64MultiArray
 
@@ -54,11 +53,6 @@ _UNKNOWN_REFERENCES = 4
 _NOT_YET = 'being worked out'
 # Of an estimate.
 _BYTES_A_PIXEL = 24
-_COPY_TYPES = {
-    topics.COMMAND_ARRAY: Float64MultiArray,
-    topics.COMMAND_TWIST: Twist,
-    topics.COMMAND_WRENCH: Wrench,
-}
 
 
 class HinfControllerNode(ManagedNode):
@@ -90,7 +84,7 @@ class HinfControllerNode(ManagedNode):
             topics.handshake_qos(scenario.loop.mode, topics.LISTENER_DEPTH),
         )
         if self._copy is not None:
-            kind = _COPY_TYPES[self._copy.topic]
+            kind = _copy_type(self._copy.topic)
             self._copy_publisher = self.advertise(kind, self._copy.topic, topics.stream_qos())
         pixels = self._design.problem.scene.pixel_count
         self._estimate_publisher = self.advertise_on_demand(
@@ -381,6 +375,18 @@ class HinfControllerNode(ManagedNode):
         if not budget.is_certified:
             troubles.append(Trouble(level=Level.WARN, message=str(budget)))
         return troubles
+
+
+def _copy_type(topic: str) -> type:
+    # A few commands are copied; all of geometry_msgs is loaded with these two.
+    from geometry_msgs.msg import Twist, Wrench
+
+    types: dict[str, type] = {
+        topics.COMMAND_ARRAY: Float64MultiArray,
+        topics.COMMAND_TWIST: Twist,
+        topics.COMMAND_WRENCH: Wrench,
+    }
+    return types[topic]
 
 
 def main() -> int:
