@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from types import ModuleType
@@ -24,7 +23,7 @@ def import_less() -> None:
     sys.modules['rosidl_generator_py.generate_py_impl'] = None  # type: ignore[assignment]
 
 
-class _BeforeScipy(MetaPathFinder):
+class _BeforeScipy:
     """Finds nothing: the first import of SciPy passes here."""
 
     def find_spec(

@@ -10,9 +10,13 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    # It loads tempfile, with shutil and all compression.
+    from importlib.abc import Loader
 
 # Old package, new package, and the modules that kept their own name.
 _ROOMS = """
@@ -83,7 +87,7 @@ def _moved() -> Iterator[tuple[str, str]]:
 MOVED: Mapping[str, str] = {**dict(_moved()), **_RENAMED}
 
 
-class _Alias(Loader):
+class _Alias:
     """Puts the module of the new name under the old one."""
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
@@ -99,7 +103,7 @@ class _Alias(Loader):
         module.__spec__ = self._spec
 
 
-class _MovedFinder(MetaPathFinder):
+class _MovedFinder:
     def find_spec(
         self,
         fullname: str,
@@ -107,7 +111,7 @@ class _MovedFinder(MetaPathFinder):
         target: ModuleType | None = None,
     ) -> ModuleSpec | None:
         """Spec of a module that was moved, None for any other."""
-        return ModuleSpec(fullname, _Alias()) if fullname in MOVED else None
+        return ModuleSpec(fullname, cast('Loader', _Alias())) if fullname in MOVED else None
 
 
 def install() -> None:
