@@ -21,7 +21,14 @@ setup(
     version=manifest.findtext('version'),
     packages=find_packages(exclude=['test']),
     package_data={
-        package_name: ['py.typed', '*.pyi', 'dashboard/*.j2', 'dashboard/web/*', 'reports/*.j2']
+        package_name: [
+            'py.typed',
+            '*.pyi',
+            'bags/*.json',
+            'dashboard/*.j2',
+            'dashboard/web/*',
+            'reports/*.j2',
+        ]
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),

@@ -5,13 +5,17 @@ import shutil
 import pytest
 from recorded_messages import MS, recorded
 from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from dvs_closed_loop.bags import recording
 from dvs_closed_loop.bags.bag import read_bag
+from dvs_closed_loop.bags.bag_metadata import BagTopic
+from dvs_closed_loop.bags.former_estimates import FORMER_TYPE
 from dvs_closed_loop.bags.recording import STORAGES, BagWriter
+from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
+from dvs_event_camera.streams.event_packet import DEFINITION, MESSAGE_TYPE
 
 TYPES = {
     'state': 'sensor_msgs/msg/JointState',
@@ -82,6 +86,16 @@ def test_the_messages_decode_as_the_types_that_the_bag_names(tmp_path):
         decoded = [store.deserialize_cdr(data, c.msgtype) for c, _, data in reader.messages()]
     assert [message.position.tolist() for message in decoded[::2]] == [[k] for k in range(5)]
     assert [message.width for message in decoded[1::2]] == [0, 2, 2, 2, 2]
+
+
+def test_the_types_of_the_wire_contract_are_described_as_rosbags_does():
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(DEFINITION, MESSAGE_TYPE))
+
+    for name in {FORMER_TYPE, *(stream.type_name for stream in STREAMS.values())}:
+        topic = BagTopic.of('/topic', name, None)
+        assert topic.definition == store.generate_msgdef(name, ros_version=2)[0]
+        assert topic.type_hash == store.hash_rihs01(name)
 
 
 def test_a_bag_is_not_overwritten(tmp_path):
