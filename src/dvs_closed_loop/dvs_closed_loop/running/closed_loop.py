@@ -20,6 +20,7 @@ from dvs_common.errors import SuiteError
 from dvs_common.node.node_plan import checked_namespace
 from dvs_common.node.session import RosSession, ros_session
 from dvs_common.output_folder import output_folder
+from dvs_common.program import importing
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import load_scenario
 from dvs_common.wire import topics
@@ -139,8 +140,8 @@ def run_scenario(
     )
     verdict.save(output / 'result.json')
     # Matplotlib takes longer to load than a loop to start.
-    from dvs_simulation.judging.figure import save_figure
-
+    with importing():
+        from dvs_simulation.judging.figure import save_figure
     save_figure(trace, scenario, verdict, output / 'figure.png')
     return verdict
 
