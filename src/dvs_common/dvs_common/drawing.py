@@ -22,7 +22,7 @@ try:
     from matplotlib.colors import to_rgb
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import LogFormatter, MaxNLocator
 finally:
     if _backend is not None:
         os.environ['MPLBACKEND'] = _backend
@@ -36,6 +36,7 @@ __all__ = [
     'Axes',
     'Figure',
     'FigureCanvasAgg',
+    'LogFormatter',
     'MaxNLocator',
     'Rectangle',
     'colormaps',

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_common.drawing import Axes, Figure, MaxNLocator, drawing
+from dvs_common.drawing import Axes, Figure, LogFormatter, MaxNLocator, drawing
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.writing import whole_file
 from dvs_simulation.judging.measures import error, sector_ratio, silent_below
@@ -20,6 +20,7 @@ from dvs_simulation.judging.verdict import Verdict
 BLUE, VERMILION, GREEN, GREY = '#0072B2', '#D55E00', '#009E73', '#7f7f7f'
 _MOST_RASTER_EVENTS = 200_000
 _MOST_VECTOR_EVENTS = 3_000
+_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
 def save_figure(trace: Trace, scenario: Scenario, verdict: Verdict, path: Path) -> None:
@@ -108,11 +109,34 @@ def _head(axes: Axes, title: str, **legend: float) -> None:
     )
 
 
+class PowersOfTen(LogFormatter):
+    """Labels such as 10⁻² and 2×10⁻² in plain text: a formula takes as long as a panel."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Label of a tick, empty for one that has none.
+
+        Parameters
+        ----------
+        x
+            Where it is.
+        pos
+            Its number.
+        """
+        if not super().__call__(x, pos):
+            return ''
+        digits, exponent = f'{x:.5e}'.split('e')
+        power = '10' + str(int(exponent)).translate(_SUPERSCRIPTS)
+        factor = f'{float(digits):g}'
+        return power if factor == '1' else f'{factor}×{power}'
+
+
 def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) -> None:
     errors = error(trace.states, scenario.equilibrium, scenario.error_weights)
     axes.plot(trace.times_s, errors, color=BLUE, lw=1.2)
     if np.any(errors > 0):
         axes.set_yscale('log')
+        axes.yaxis.set_major_formatter(PowersOfTen())
+        axes.yaxis.set_minor_formatter(PowersOfTen())
     axes.axhline(
         scenario.objective.tolerance, color=VERMILION, ls='--', lw=1, label='tolerance eps'
     )
