@@ -76,8 +76,6 @@ def run_program(module: str) -> int:
     try:
         with _no_search_for_garbage():
             main = import_module(module).main
-        # What is imported stays: no search needs to look at it again, nor that at the end.
-        gc.freeze()
         _handle(_interrupt)
         code = int(main())
         if sys.stdout is not None:
@@ -126,11 +124,15 @@ def importing() -> Iterator[None]:
 
 @contextmanager
 def _no_search_for_garbage() -> Iterator[None]:
-    """Imports make many objects and no garbage: the searches would take a tenth of their time."""
+    """Imports make many objects and no garbage: the searches would take a tenth of their time.
+
+    What is imported stays: no later search needs to look at it, nor that at the end.
+    """
     gc.disable()
     try:
         yield
     finally:
+        gc.freeze()
         gc.enable()
 
 

@@ -151,3 +151,17 @@ def test_the_first_log_of_a_node_does_not_look_at_every_module(tmp_path):
 
     assert found.returncode == 0, found.stderr
     assert int(found.stdout) < 30
+
+
+def test_what_waits_for_its_first_use_still_waits_when_ros_has_started():
+    code = (
+        'from dvs_common.late_imports import import_less\n'
+        'import_less()\n'
+        'import sys, scipy.linalg\n'
+        'from dvs_common.node.session import ros_session\n'
+        'with ros_session():\n'
+        '    print("numpy.f2py.crackfortran" in sys.modules)\n'
+    )
+
+    found = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert found.stdout == 'False\n', found.stderr
