@@ -51,7 +51,10 @@ def run_figure(loop: ClosedLoop, run: Trajectory, *, tolerance: float, title: st
         xlabel='time t [s]', ylabel='pixel number (row-major)', xlim=(0, times[-1]), title='Events'
     )
     axes[1, 0].yaxis.get_major_locator().set_params(integer=True)
-    axes[1, 0].legend(loc='upper right', markerscale=2, frameon=True)
+    # Above the axes: the events of a long run fill every place inside.
+    axes[1, 0].legend(
+        loc='lower right', bbox_to_anchor=(1, 1), ncols=2, markerscale=2, borderaxespad=0
+    )
     _draw_estimate(axes[1, 1], loop, run)
     _draw_command(axes[2, 0], run)
     _draw_mean_error(axes[2, 1], run)
