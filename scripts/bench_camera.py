@@ -307,8 +307,8 @@ def measure(quick: bool = False, peers: Peers | None = None) -> dict[str, float]
         Others to race beside ours; none by default.
     """
     sizes = {
-        '346': (260, 346, 8 if quick else 200),
-        '720p': (720, 1280, 4 if quick else 30),
+        '346': (260, 346, 4 if quick else 200),
+        '720p': (720, 1280, 3 if quick else 30),
     }
     rounds = 1 if quick else 3
     print(
@@ -334,7 +334,7 @@ def measure(quick: bool = False, peers: Peers | None = None) -> dict[str, float]
                 ratios.append(race.seconds['straightforward NumPy'] / race.seconds['ideal'])
                 overheads.append(race.seconds['message to message'] / race.seconds['ideal'])
     print('\n1280 x 720, frames without events')
-    silent = race_silent(frames[0], 8 if quick else 60, rounds)
+    silent = race_silent(frames[0], 4 if quick else 60, rounds)
     print('\n1280 x 720, dense, wall seconds')
     threads = race_threads(drifting_pattern(720, 1280, sizes['720p'][2], DENSE), rounds)
     result |= threads | {

@@ -78,9 +78,9 @@ def measure(quick: bool = False) -> dict[str, float]:
     Parameters
     ----------
     quick
-        Fewer rounds.
+        One round.
     """
-    rounds = 2 if quick else _ROUNDS
+    rounds = 1 if quick else _ROUNDS
     figures = {
         **figure('controller_mev_100k', [_mev(100_000, 12) for _ in range(rounds)]),
         **figure('controller_mev_1k', [_mev(1_000, 400) for _ in range(rounds)]),

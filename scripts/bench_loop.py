@@ -231,7 +231,7 @@ def measure(quick: bool = False) -> dict[str, float]:
     quick
         One short round.
     """
-    share = 0.1 if quick else 1.0
+    share = 0.03 if quick else 1.0
     figures: dict[str, float] = {}
     for name, ring_of, programs, seconds, wanted in (
         ('lockstep_vs_ring', ring_rate, THREE_PROCESSES, LOOP_SECONDS, 0.90),

@@ -28,11 +28,11 @@ def measure(quick: bool = False) -> dict[str, float]:
     Parameters
     ----------
     quick
-        Fewer and shorter rounds.
+        One short round.
     """
-    rounds = 2 if quick else _ROUNDS
-    long = scenario('mirror', 9).replace(duration=_SECONDS / (10 if quick else 1))
-    short = long.replace(duration=_SHORT_SECONDS)
+    rounds = 1 if quick else _ROUNDS
+    long = scenario('mirror', 9).replace(duration=_SECONDS / (50 if quick else 1))
+    short = long.replace(duration=_SHORT_SECONDS / (5 if quick else 1))
     design = run_by_messages(short).design
     loop = compiled_loop(long, design)
     assert loop is not None
@@ -48,7 +48,7 @@ def measure(quick: bool = False) -> dict[str, float]:
         short.sample_count / _cpu_seconds(lambda: run_by_messages(short, design=design))
         for _ in range(rounds)
     ]
-    runs = 5 if quick else 20
+    runs = 1 if quick else 20
     run_promise_task(seed=1, method='lqg', runs=1)
     study = [
         runs / _cpu_seconds(lambda: run_promise_task(seed=1, method='lqg', runs=runs))

@@ -165,7 +165,7 @@ def measure(quick: bool = False) -> dict[str, float]:
         One size.
     """
     figures: dict[str, float] = {}
-    seconds = 1.0 if quick else _SECONDS
+    seconds = 0.1 if quick else _SECONDS
     for label, programs in (('three', THREE_PROCESSES), ('composed', ONE_PROCESS)):
         for size in SIZES[:1] if quick else SIZES:
             name = f'{size[0]}x{size[1]}_{label}'
@@ -186,7 +186,7 @@ def measure(quick: bool = False) -> dict[str, float]:
             print(f'  {name}: {rate:.0f} cycles/s; {parts}', flush=True)
     loops = range(1, 2 if quick else (os.cpu_count() or 1) + 1)
     for count in loops:
-        figures[f'scale_side_by_side_{count}'] = side_by_side(count, 1.0 if quick else 4.0)
+        figures[f'scale_side_by_side_{count}'] = side_by_side(count, seconds)
         total = figures[f'scale_side_by_side_{count}']
         print(f'  {count} loops side by side: {total:.0f} cycles/s in all')
     return figures
