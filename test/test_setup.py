@@ -108,8 +108,12 @@ def test_run_passes_exit_code_and_names_what_is_not_there():
     assert 'no executable none in package dvs_plant_sim' in missing.stderr
 
 
-def test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut(tmp_path, domain):
-    """A prefix like /opt/ros/jazzy that leads to the wheels stands in for apt's."""
+@pytest.mark.parametrize('packages', ['there', pytest.param('fetched', marks=pytest.mark.long)])
+def test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut(packages, tmp_path, domain):
+    """A prefix like /opt/ros/jazzy that leads to the wheels stands in for apt's.
+
+    In the short form Python finds all packages already, as where apt has brought them too.
+    """
     files = subprocess.run(
         ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
         cwd=ROOT,
@@ -129,11 +133,11 @@ def test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut(tmp_path, d
     prefix = tmp_path / 'opt' / 'ros' / 'jazzy'
     prefix.mkdir(parents=True)
     wheels = Path(sys.prefix)
-    packages = next(wheels.glob('lib/python3*/site-packages'))
+    site = next(wheels.glob('lib/python3*/site-packages'))
     (prefix / 'setup.bash').write_text(
-        f'export ROS_DISTRO=jazzy AMENT_PREFIX_PATH={wheels} PYTHONPATH={packages}\n'
+        f'export ROS_DISTRO=jazzy AMENT_PREFIX_PATH={wheels} PYTHONPATH={site}\n'
         f'export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 LD_LIBRARY_PATH={wheels}/lib:'
-        + ':'.join(str(libraries) for libraries in packages.glob('ros_*.libs'))
+        + ':'.join(str(libraries) for libraries in site.glob('ros_*.libs'))
         + '\n'
     )
     dropped = ('AMENT_', 'COLCON_', 'PYTHONPATH', 'ROS_DISTRO', '_ROS_WHEELS', 'LD_LIBRARY')
@@ -144,6 +148,8 @@ def test_a_ros_from_apt_is_used_in_a_path_with_a_space_and_an_umlaut(tmp_path, d
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
+    if packages == 'there':
+        environment['PYTHONPATH'] = str(site)
     repo = tmp_path / 'my wörk'
     setup = subprocess.run(
         [repo / 'scripts' / 'setup.sh'],
