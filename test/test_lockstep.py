@@ -1,7 +1,6 @@
 """Lockstep: start order does not matter, and the streams are the same to the byte.
 
-Those of three processes are the recorded ones in test_scenarios.py, those of a composed loop the
-sampled ones in test_sampled_bytes.py.
+Those of three processes, and of a composed loop, are the sampled ones in test_scenarios.py.
 """
 
 import itertools

@@ -69,7 +69,7 @@ def test_two_loops_run_side_by_side_as_if_alone(domain, tmp_path, processes):
 
     for namespace, scenario in LOOPS.items():
         together = streams_of(tmp_path / 'both' / namespace, scenario)
-        # test_sampled_bytes.py shows that these are the bytes of a loop of nodes.
+        # test_scenarios.py shows that these are the bytes of a loop of nodes.
         alone = run_sampled(
             load_scenario(CONFIG / f'{scenario}.yaml').replace(duration=float(DURATION))
         ).messages
