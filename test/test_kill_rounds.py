@@ -178,10 +178,10 @@ def rounds_of(mode, count, seed, domain, processes):
 
 
 def test_a_lockstep_loop_regulates_again_whichever_nodes_were_killed(domain, processes):
-    outcomes, certified = rounds_of('lockstep', 5, 1, domain, processes)
+    outcomes, certified = rounds_of('lockstep', 3, 1, domain, processes)
 
     assert all(inside for _, inside in outcomes), outcomes
-    assert certified > 2
+    assert certified > 1
 
 
 def test_a_realtime_loop_is_never_silently_wrong_whichever_nodes_were_killed(domain, processes):

@@ -88,11 +88,12 @@ def judged(scenario, luminosity):
     )
 
 
-def test_ten_random_starts_within_the_promised_set_end_regulated(designed):
+@pytest.mark.parametrize('count', [3, pytest.param(10, marks=pytest.mark.long)])
+def test_random_starts_within_the_promised_set_end_regulated(count, designed):
     design = design_from_scenario(designed)
     h = designed.sensor.event_threshold
     generator = np.random.default_rng(14)
-    for _ in range(10):
+    for _ in range(count):
         direction = generator.normal(size=4) * (0.08, 0.03, 0.08, 0.08)
         edge = farthest_start(design.problem, design.controller, h, direction)
         start = edge * generator.uniform(0.3, 1.0)
