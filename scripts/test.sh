@@ -54,7 +54,7 @@ case $which in
             "${together[@]}" -n "$(workers 1)" "$@" "${cores[@]}"
         ;;
     *)
-        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 2)" "$@"
+        chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 3)" "$@"
         # These alone on the machine; to collect all others again takes longer than some of them.
         alone=("$@")
         [ $# -gt 0 ] || mapfile -t alone < <(grep -rlw wall_clock --include='test_*.py' test src)
