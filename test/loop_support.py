@@ -108,12 +108,14 @@ def _ended(process: subprocess.Popen, number: int) -> tuple[int, str]:
     return process.returncode, output
 
 
-def wait_for(condition: Callable[[], bool], timeout_s: float = 30.0) -> bool:
+def wait_for(
+    condition: Callable[[], bool], timeout_s: float = 30.0, pause_s: float = 0.02
+) -> bool:
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
         if condition():
             return True
-        time.sleep(0.02)
+        time.sleep(pause_s)
     return False
 
 

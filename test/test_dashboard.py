@@ -3,9 +3,14 @@
 import importlib.util
 import shutil
 import urllib.request
+from functools import partial
 
+import loop_support
 import pytest
-from loop_support import start, stop, wait_for
+from loop_support import start, stop
+
+# A question to the browser takes it as long as a picture.
+wait_for = partial(loop_support.wait_for, pause_s=0.1)
 
 FLAGS = (
     '--headless',
