@@ -30,8 +30,8 @@ cd "$root"
 ours=(src test scripts examples conftest.py)
 ruff format --check "${ours[@]}"
 ruff check "${ours[@]}"
-# It takes one processor only.
-mypy &
+# It takes one processor only, and that when no test wants it.
+nice -n 19 mypy &
 types=$!
 
 # Most tests wait for processes to start and to meet, so that there are more of them than processors.
