@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 import rclpy
+import yaml
 from ament_index_python.packages import get_package_prefix
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -58,6 +59,14 @@ def ros_arguments(parameters: dict[str, object] | None = None, file: Path | None
     for name, value in (parameters or {}).items():
         arguments += ['-p', f'{name}:={value}']
     return arguments
+
+
+def scenario_file(path: Path, **changes: object) -> Path:
+    """The scenario `mirror_r3` with other values."""
+    document = yaml.safe_load((CONFIG / 'mirror_r3.yaml').read_text())
+    document['/**']['ros__parameters'].update(changes)
+    path.write_text(yaml.safe_dump(document))
+    return path
 
 
 def start(

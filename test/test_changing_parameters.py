@@ -25,7 +25,7 @@ def start_loop(domain, processes, **parameters):
         processes.append(start(executable, domain, arguments))
 
 
-def settle(operator, states, samples=1500):
+def settle(operator, states, samples=900):
     seen = len(states)
     assert operator.spin_until(lambda: len(states) > seen + samples, timeout_s=60)
 
@@ -47,7 +47,7 @@ def test_a_new_set_point_is_reached_and_a_bad_one_changes_nothing(domain, proces
         assert 'nearest stabilizable set-point' in refused.reason
         kept = operator.parameter('hinf_controller', 'set_point')
         assert list(kept) == list(Scenario.from_values({})['set_point'])
-        settle(operator, states, 500)
+        settle(operator, states, 300)
         assert largest_error(states, [0.2321, -0.0928]) < 0.05
 
         assert operator.set_parameters('hinf_controller', set_point=OTHER_SET_POINT).successful

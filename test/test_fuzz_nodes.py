@@ -108,7 +108,7 @@ def test_a_command_of_twenty_megabytes_is_refused_in_a_short_line(domain, proces
 def test_short_messages_do_not_end_closed_loop(domain, tmp_path):
     run = subprocess.Popen(
         [program('closed_loop'), '--params-file', str(CONFIG / 'mirror_r3.yaml')]
-        + ['--output', str(tmp_path / 'run'), '--duration', '2'],
+        + ['--output', str(tmp_path / 'run'), '--duration', '1'],
         env=environment(domain),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

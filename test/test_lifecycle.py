@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loop_support import operating, ros_arguments, start, stop, stop_all
+from loop_support import UNHURRIED, operating, ros_arguments, start, stop, stop_all
 from sensor_msgs.msg import Image
 
 from dvs_common.scenario.scenario import Scenario
@@ -147,7 +147,7 @@ def test_what_is_fixed_at_the_start_cannot_be_set(domain, processes):
 
 def test_the_loop_stops_and_goes_on_with_its_controller(domain, processes):
     for executable in NODES:
-        processes.append(start(executable, domain, ros_arguments({'duration': 0.0})))
+        processes.append(start(executable, domain, ros_arguments(UNHURRIED)))
     with operating(domain) as operator:
         commands = operator.streams[topics.COMMAND]
         assert operator.spin_until(lambda: len(commands) > 200)

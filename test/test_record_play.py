@@ -7,14 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import yaml
 from loop_support import (
-    CONFIG,
+    UNHURRIED,
     environment,
     listening,
     operating,
     program,
     run_closed_loop,
+    scenario_file,
     start,
     stop,
     wait_for,
@@ -35,13 +35,6 @@ from dvs_common.wire.messages import pack_clock, parse_command
 from dvs_common.wire.stamped import stamp_of
 from dvs_hinf_controller.analysis.sector import sector
 from dvs_simulation.judging.verdict import sector_ratios
-
-
-def scenario_file(path, **changes):
-    document = yaml.safe_load((CONFIG / 'mirror_r3.yaml').read_text())
-    document['/**']['ros__parameters'].update(changes)
-    path.write_text(yaml.safe_dump(document))
-    return path
 
 
 def lines_until(process, wanted):
@@ -103,7 +96,7 @@ def test_replayed_events_give_the_recorded_commands(mode, new_domain, processes,
 
 
 def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes, tmp_path):
-    scenario = scenario_file(tmp_path / 'slow.yaml', real_time_factor=0.5, duration=0.0)
+    scenario = scenario_file(tmp_path / 'slow.yaml', **UNHURRIED)
     bag = tmp_path / 'bag'
     recorder = start('dvs_closed_loop', domain, ['record', str(bag), '--storage', 'sqlite3'])
     processes.append(recorder)

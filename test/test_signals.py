@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from loop_support import CONFIG, listening, start, stop, wait_for
+from loop_support import CONFIG, UNHURRIED, listening, scenario_file, start, stop, wait_for
 from rosbags.rosbag2 import Reader
 
 from dvs_closed_loop.bags.bag import read_bag
@@ -143,8 +143,9 @@ def is_running(pid):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
 def test_closed_loop_ends_on_a_signal(number, domain, processes, tmp_path):
-    arguments = ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', str(tmp_path)]
-    process = start('closed_loop', domain, [*arguments, '--duration', '1000'])
+    scenario = scenario_file(tmp_path / 'mirror_r3.yaml', **UNHURRIED)
+    arguments = ['--params-file', str(scenario), '--output', str(tmp_path)]
+    process = start('closed_loop', domain, arguments)
     processes.append(process)
     bag = tmp_path / 'mirror_r3' / 'bag'
     with listening(domain) as listener:
@@ -166,8 +167,9 @@ def test_closed_loop_ends_on_a_signal(number, domain, processes, tmp_path):
 
 
 def test_closed_loop_names_a_node_that_dies(domain, processes, tmp_path):
-    arguments = ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', str(tmp_path)]
-    process = start('closed_loop', domain, [*arguments, '--duration', '1000'])
+    scenario = scenario_file(tmp_path / 'mirror_r3.yaml', **UNHURRIED)
+    arguments = ['--params-file', str(scenario), '--output', str(tmp_path)]
+    process = start('closed_loop', domain, arguments)
     processes.append(process)
     with listening(domain) as listener:
         assert listener.spin_until(lambda: len(listener.streams['command']) > 300)
@@ -199,11 +201,12 @@ def test_closed_loop_can_be_stopped_while_it_starts(domain, processes, tmp_path)
 def test_closed_loop_killed_by_force_leaves_no_node_and_a_bag_to_its_last_second(
     domain, processes, tmp_path
 ):
-    arguments = ['--params-file', str(CONFIG / 'mirror_r3.yaml'), '--output', str(tmp_path)]
-    process = start('closed_loop', domain, [*arguments, '--duration', '1000'])
+    scenario = scenario_file(tmp_path / 'mirror_r3.yaml', **UNHURRIED)
+    arguments = ['--params-file', str(scenario), '--output', str(tmp_path)]
+    process = start('closed_loop', domain, arguments)
     processes.append(process)
     with listening(domain) as listener:
-        assert listener.spin_until(lambda: len(listener.streams['command']) > 2000)
+        assert listener.spin_until(lambda: len(listener.streams['command']) > 500)
         a_second_ago = len(listener.streams['command'])
         listener.spin_until(lambda: False, timeout_s=1.0)
     nodes = children(process.pid)

@@ -10,7 +10,7 @@ from dvs_closed_loop.bags.bag import read_bag
 from dvs_common.wire import topics
 
 STALL_S = 1.0
-DURATION_S = 4.0
+DURATION_S = 2.0
 
 
 def test_a_recorder_that_is_stopped_for_a_second_misses_nothing(domain, tmp_path, processes):

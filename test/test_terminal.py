@@ -11,7 +11,16 @@ import termios
 import threading
 
 import pytest
-from loop_support import CONFIG, environment, program, ros_arguments, start, wait_for
+from loop_support import (
+    CONFIG,
+    UNHURRIED,
+    environment,
+    program,
+    ros_arguments,
+    scenario_file,
+    start,
+    wait_for,
+)
 
 SCENARIO = str(CONFIG / 'mirror_r3.yaml')
 
@@ -57,7 +66,8 @@ def simulated_s(text):
 
 @pytest.mark.parametrize('duration', ['0', '1000'])
 def test_a_loop_shows_what_it_waits_for_and_how_far_it_is(duration, domain, processes, tmp_path):
-    options = ['--params-file', SCENARIO, '--duration', duration, '--output', str(tmp_path)]
+    slow = str(scenario_file(tmp_path / 'slow.yaml', **UNHURRIED))
+    options = ['--params-file', slow, '--duration', duration, '--output', str(tmp_path)]
     terminal = Terminal([program('closed_loop'), *options], domain)
     processes.append(terminal.process)
 
@@ -81,7 +91,7 @@ def test_a_recorder_shows_messages_and_size(domain, processes, tmp_path):
     processes.append(terminal.process)
     assert wait_for(lambda: 'recording 10 topics' in terminal.text, 30), terminal.text
     for node in ('event_camera', 'hinf_controller', 'plant_sim'):
-        processes.append(start(node, domain, ros_arguments({'duration': 0.0})))
+        processes.append(start(node, domain, ros_arguments(UNHURRIED)))
 
     moving = re.compile(r'recording: [1-9]\d* messages .* events/s, ')
     assert wait_for(
