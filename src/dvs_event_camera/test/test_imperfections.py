@@ -53,6 +53,7 @@ def test_zero_imperfections_are_the_ideal_pixel():
     assert np.array_equal(ideal.polarity, other.polarity)
 
 
+@pytest.mark.ensemble
 @given(st.integers(0, 1000), st.sampled_from([0.3e-3, 2e-3, 7e-3]))
 @settings(max_examples=40, deadline=None)
 def test_refractory_pixel_waits_and_then_fires_all_that_is_due(seed, period):
@@ -224,6 +225,7 @@ def test_shot_noise_falls_to_a_quarter_in_bright_light(backend):
     assert found == pytest.approx([10.0, 6.25, 2.5, 2.5], rel=0.08)
 
 
+@pytest.mark.ensemble
 @given(st.integers(0, 1000))
 @settings(max_examples=15, deadline=None)
 def test_events_not_labelled_as_noise_add_up_to_the_true_change(seed):

@@ -33,6 +33,7 @@ def jittered(seconds, *, drift=0.0, jitter_ms=2.0, period_ms=10, seed=0):
     return packets
 
 
+@pytest.mark.ensemble
 @pytest.mark.parametrize('drift', [0.0, 50e-6, -80e-6])
 def test_a_jittered_stream_becomes_a_straight_line(drift):
     packets = jittered(90, drift=drift)

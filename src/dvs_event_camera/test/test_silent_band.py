@@ -20,6 +20,7 @@ frames = st.lists(
 ).map(np.array)
 
 
+@pytest.mark.ensemble
 @given(frames, st.floats(0.01, 0.3), st.sampled_from([0.0, 0.9]), st.integers(0, 19))
 @settings(max_examples=100, deadline=None)
 def test_a_small_array_fires_as_the_same_pixels_of_a_large_one_do(frames, h, floor, change_at):

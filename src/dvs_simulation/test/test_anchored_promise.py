@@ -134,6 +134,7 @@ def runs(promised, design):
     return [run(promised, design, adversary) for adversary in ADVERSARIES]
 
 
+@pytest.mark.ensemble
 def test_no_threshold_within_its_error_and_no_anchor_within_its_own_breaks_the_promise(
     runs, promised
 ):

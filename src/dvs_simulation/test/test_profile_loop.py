@@ -82,6 +82,7 @@ def test_what_the_controller_takes_for_its_error_is_inside_the_widened_sector(wa
         assert np.abs(wrong).max() > 0.3 * allowed.min()
 
 
+@pytest.mark.ensemble
 def test_random_starts_within_the_reach_stay_within_what_is_promised_from_there(wall, design):
     h = 0.9 * design.figures.h_certified
     random = np.random.default_rng(2)
