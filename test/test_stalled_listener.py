@@ -4,7 +4,8 @@ import signal
 import subprocess
 import time
 
-from loop_support import CONFIG, environment, listening, program
+from loop_support import CONFIG, environment, listening, operating, program, start, stop
+from sensor_msgs.msg import Image
 
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_common.wire import topics
@@ -42,3 +43,21 @@ def test_a_recorder_that_is_stopped_for_a_second_misses_nothing(domain, tmp_path
     # The verdict has refused a recording in which a sample lacks one of its messages.
     received = [m.topic for m in read_bag(tmp_path / 'mirror_r1/bag').messages]
     assert received.count(topics.COMMAND) == round(DURATION_S / 1e-3) + 1
+
+
+def test_a_scene_says_that_a_camera_has_not_confirmed_its_last_frames(domain, processes):
+    camera = start('event_camera', domain, ['--ros-args', '-p', 'mode:=realtime'])
+    processes.append(camera)
+    with operating(domain) as operator:
+        frames = operator.collect(Image, topics.LUMINOSITY)
+        assert operator.spin_until(lambda: 'event_camera' in operator.node.get_node_names())
+        scene = start('scene', domain, ['disc', '--size', '4x4', '--frames', '1000'])
+        processes.append(scene)
+        assert operator.spin_until(lambda: len(frames) > 5)
+        camera.send_signal(signal.SIGSTOP)
+        assert operator.spin_until(lambda: scene.poll() is not None)
+        camera.send_signal(signal.SIGCONT)
+
+    assert 'has not confirmed the last frames' in scene.communicate()[0]
+    assert scene.returncode == 0
+    assert stop(camera)[0] == 0

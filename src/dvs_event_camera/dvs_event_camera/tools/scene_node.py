@@ -212,7 +212,12 @@ class SceneNode(Node):
                 return
             pixels, encoding = encoded(frame, options.encoding)
             self._publisher.publish(pack_image(start_ns + elapsed_ns, pixels, encoding))
-        self._publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S))
+        if not self._publisher.wait_for_all_acked(Duration(seconds=_FAREWELL_S)):
+            print(
+                f'a subscriber of {self._publisher.topic_name} has not confirmed the last frames '
+                f'within {_FAREWELL_S:g} s: it may have missed some',
+                file=sys.stderr,
+            )
 
     def _await_subscriber(self, stop: StopSignal) -> None:
         """Wait for the first reader, since frames without a subscriber are lost."""
