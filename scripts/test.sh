@@ -9,7 +9,7 @@ usage: scripts/test.sh [--fast | --long] [PYTEST ARGUMENT ...]
 
 Sets up, runs ruff and mypy, then pytest with the given arguments.
 
-  --fast   only the tests of the cores that start no other process and design or run for no seconds
+  --fast   only the tests of the cores, without those that start a process or take seconds each
   --long   also what runs for minutes to hours; a short form of it is always run
   --help   show this text
 TEXT

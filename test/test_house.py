@@ -3,11 +3,11 @@
 import ast
 import re
 from collections import defaultdict
-from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from test_architecture import tree_of
 
 ROOT = Path(__file__).resolve().parents[1]
 # Packages from the ground up; those of one line do not import each other.
@@ -65,11 +65,6 @@ def origin(path, node):
         return node.module
     folder = path.parents[node.level - 1].relative_to(ROOT / 'src').parts[1:]
     return '.'.join([*folder, *filter(None, [node.module])])
-
-
-@cache
-def tree_of(path):
-    return ast.parse(path.read_text())
 
 
 def imported(path, *, late):

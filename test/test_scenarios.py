@@ -1,7 +1,7 @@
 """Every scenario in config/ regulates, and gives the bytes that were recorded.
 
-It runs sampled to its end, and its first second as three nodes over Fast DDS, with the same bytes.
-As three processes to its end `mirror_r3` runs in README.md, all others in the long tests.
+It runs sampled to its end, and its first second as nodes over Fast DDS, with the same bytes. As
+three processes to its end `mirror_r3` runs in README.md, all others in the long tests.
 """
 
 import json
@@ -31,8 +31,8 @@ LOCKSTEP = sorted(p.stem for p in CONFIG.glob('*.yaml') if 'mode: lockstep' in p
 # README.md has its command; test_documented_commands.py runs and checks that.
 OF_THE_README = 'mirror_r3'
 OTHERS = sorted({*LOCKSTEP} - {OF_THE_README})
-# Those that differ from it in their numbers only: three nodes of one process.
-COMPOSED = {'paper_r1', 'paper_r3', 'paper_r9', 'mirror_r1', 'mirror_r9'}
+# Here as three nodes of one process, which have the same bytes.
+COMPOSED = {'paper_r3', 'mirror_r9'}
 
 
 def sampled(scenario):

@@ -1,11 +1,11 @@
-"""A listener that does not run for a second misses nothing: the publishers' histories are deep."""
+"""A listener that does not run: what it misses is kept for it, or said by who published it."""
 
 import signal
 import subprocess
 import time
 
 from loop_support import CONFIG, environment, listening, operating, program, start, stop
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import PointCloud2
 
 from dvs_closed_loop.bags.bag import read_bag
 from dvs_common.wire import topics
@@ -45,15 +45,15 @@ def test_a_recorder_that_is_stopped_for_a_second_misses_nothing(domain, tmp_path
     assert received.count(topics.COMMAND) == round(DURATION_S / 1e-3) + 1
 
 
-def test_a_scene_says_that_a_camera_has_not_confirmed_its_last_frames(domain, processes):
+def test_a_scene_reports_a_camera_that_has_not_confirmed_its_last_frames(domain, processes):
     camera = start('event_camera', domain, ['--ros-args', '-p', 'mode:=realtime'])
     processes.append(camera)
     with operating(domain) as operator:
-        frames = operator.collect(Image, topics.LUMINOSITY)
+        packets = operator.collect(PointCloud2, topics.EVENTS)
         assert operator.spin_until(lambda: 'event_camera' in operator.node.get_node_names())
         scene = start('scene', domain, ['disc', '--size', '4x4', '--frames', '1000'])
         processes.append(scene)
-        assert operator.spin_until(lambda: len(frames) > 5)
+        assert operator.spin_until(lambda: len(packets) > 5)
         camera.send_signal(signal.SIGSTOP)
         assert operator.spin_until(lambda: scene.poll() is not None)
         camera.send_signal(signal.SIGCONT)
