@@ -28,6 +28,10 @@ sys.dont_write_bytecode = False
 # Under nohup SIGHUP is ignored, in the background of a script SIGINT; programs leave that so.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+# Designs that a test has kept may be of code that it has changed: they are not for the user. All
+# workers of a run share them.
+_OWN_CACHE = None if 'DVS_TEST_CACHE' in os.environ else tempfile.mkdtemp(prefix='dvs_test_cache_')
+os.environ['DVS_CACHE'] = os.environ.setdefault('DVS_TEST_CACHE', str(_OWN_CACHE))
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Domains above 101 meet the ephemeral ports of Linux.
 _DOMAINS = 101
@@ -76,6 +80,12 @@ def _turn(item: pytest.Function) -> int:
         return 0
     stem = item.path.stem
     return 1 + (_LONGEST_FILES.index(stem) if stem in _LONGEST_FILES else len(_LONGEST_FILES))
+
+
+def pytest_unconfigure() -> None:
+    """Remove what was kept, where this process has made the folder."""
+    if _OWN_CACHE is not None:
+        shutil.rmtree(_OWN_CACHE, ignore_errors=True)
 
 
 def pytest_collection_finish() -> None:

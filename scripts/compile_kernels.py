@@ -17,12 +17,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import bench_codecs
 
+from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire.events import EVENT_DTYPE, EventPacket
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.pixel_array import PixelArray
 from dvs_event_camera.rehearsal import rehearse
 from dvs_event_camera.streams.event_records import records_of
-from dvs_hinf_controller.design.design import design_from_scenario
+from dvs_hinf_controller.design.design import Design, design_controller
+from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.running.make_controller import event_controller
 from dvs_simulation.exact import ClosedLoop, simulate
 from dvs_simulation.paper.published import scenario
@@ -40,6 +42,11 @@ _MANY_PIXELS = {
 def _frames(dtype: str) -> list[np.ndarray]:
     rng = np.random.default_rng(0)
     return [rng.integers(1, 255, _PIXELS).astype(dtype) for _ in range(_FRAMES)]
+
+
+def _designed(asked: Scenario) -> Design:
+    """A design that is found now, and not one that was kept."""
+    return design_controller(DesignProblem.from_scenario(asked), method=asked.controller.method)
 
 
 def compile_camera() -> None:
@@ -65,9 +72,9 @@ def compile_camera() -> None:
 
 def compile_controller() -> None:
     """Kernels of packets of many events, and of the design."""
-    design_from_scenario(scenario('mirror', 3).replace(method='certified'))
+    _designed(scenario('mirror', 3).replace(method='certified'))
     plain = scenario('mirror', 9)
-    controller = event_controller(design_from_scenario(plain), plain)
+    controller = event_controller(_designed(plain), plain)
     count = 5000
     records = np.zeros(count, EVENT_DTYPE)
     records['polarity'] = np.where(np.arange(count) % 2, -1, 1)
@@ -86,7 +93,7 @@ def compile_codecs() -> None:
 def compile_exact_loop() -> None:
     """Kernels of the exact loop."""
     plain = scenario('mirror', 3)
-    simulate(ClosedLoop.from_scenario(plain, design_from_scenario(plain).controller), duration=0.1)
+    simulate(ClosedLoop.from_scenario(plain, _designed(plain).controller), duration=0.1)
 
 
 def compile_sampled_loop() -> None:

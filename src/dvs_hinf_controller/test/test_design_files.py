@@ -14,11 +14,11 @@ from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.writing import WriteError
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.design.design import (
-    as_json_object,
     design_controller,
     load_design,
     save_design,
 )
+from dvs_hinf_controller.design.design_report import as_json_object
 from dvs_hinf_controller.problem import DesignProblem
 
 Make = Callable[..., DesignProblem]

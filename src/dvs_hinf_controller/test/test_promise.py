@@ -25,8 +25,7 @@ from dvs_hinf_controller.analysis.sampled_gains import SampledGains
 from dvs_hinf_controller.analysis.thresholds import certified_uncertainty, event_threshold
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.design.certification import farthest_start, held_from
-from dvs_hinf_controller.design.design import as_json_object
-from dvs_hinf_controller.design.design_report import report_text
+from dvs_hinf_controller.design.design_report import as_json_object, report_text
 from dvs_hinf_controller.design.design_warnings import RunningLoop, design_warnings
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem

@@ -29,7 +29,7 @@ _START_TIMEOUT_S = 30.0
 # After discovery in the graph, endpoints still need a moment to be matched on both sides.
 _SETTLE_S = 0.3
 # The run is complete when nothing more arrives for a while; what was lost on the way is
-# sent again when the middleware next asks for it, every 3 s.
+# sent again when the middleware next asks for it, by itself every 3 s.
 _QUIET_S = 0.3
 _REPAIR_S = 7.0
 _ASK_PERIOD_S = 0.5

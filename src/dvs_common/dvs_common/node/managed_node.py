@@ -20,7 +20,7 @@ from dvs_common.wire import topics
 
 _DIAGNOSTICS_S = 1.0
 _LOOK_S = 0.1
-# The middleware asks a reader every 3 s what it misses.
+# By itself the middleware asks a reader every 3 s what it misses.
 _FAREWELL_S = 3.5
 _CLOCK_PATIENCE_S = 2.0
 _NO_CLOCK = 'use_sim_time is set, but the time on /clock is still 0: does it have a publisher?'

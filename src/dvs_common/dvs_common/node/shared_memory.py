@@ -13,13 +13,14 @@ import re
 import sys
 from pathlib import Path
 
+from dvs_common.node.heartbeat import PROFILES, is_fast_dds_ours
+
 # What the middleware of a loop takes of it, with something to spare.
 _ROOM_BYTES = 8 << 20
 # Ports of a domain begin there and take so many (RTPS 2.2, 9.6.1.1).
 _FIRST_PORT, _PORTS = 7400, 250
 
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
-_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 _UDP_ON_THIS_MACHINE = Path(__file__).with_name('udp_on_this_machine.xml')
@@ -35,9 +36,7 @@ def leave_shared_memory_where_needed(domain: int, folder: str = '/dev/shm') -> N
     folder
         Where shared memory is.
     """
-    if not os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps'):
-        return
-    if _TRANSPORTS in os.environ or _PROFILES in os.environ:
+    if _TRANSPORTS in os.environ or not is_fast_dds_ours():
         return
     reason = _lack_of_room(folder) or _another_user(domain, folder)
     if reason is not None:
@@ -101,6 +100,6 @@ def _use_udp_alone() -> None:
     if is_local or os.environ.get(_LOCALHOST_ONLY) == '1':
         # That range adds shared memory whatever the transports are set to.
         os.environ.pop(_LOCALHOST_ONLY, None)
-        os.environ.update({_RANGE: 'SYSTEM_DEFAULT', _PROFILES: str(_UDP_ON_THIS_MACHINE)})
+        os.environ.update({_RANGE: 'SYSTEM_DEFAULT', PROFILES: str(_UDP_ON_THIS_MACHINE)})
     else:
         os.environ[_TRANSPORTS] = 'UDPv4'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,17 +24,19 @@ from dvs_hinf_controller.analysis.thresholds import (
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.design.certification import Cost, certify
 from dvs_hinf_controller.design.design_file import (
-    finite_or_null,
+    controller_fields,
+    controller_of,
     read_design_file,
     write_design_file,
 )
+from dvs_hinf_controller.design.kept_designs import kept
 from dvs_hinf_controller.problem import DesignProblem, unmasked
 from dvs_hinf_controller.state_space import state_response
 from dvs_hinf_controller.synthesis.integral_action import (
     integrated_problem,
     with_integrators,
 )
-from dvs_hinf_controller.synthesis.methods import synthesis_method
+from dvs_hinf_controller.synthesis.methods import METHODS, synthesis_method
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
 
@@ -191,7 +192,7 @@ def design_controller(
 
 
 def design_from_scenario(scenario: Scenario) -> Design:
-    """Controller that a scenario asks for.
+    """Controller that a scenario asks for: found once, and kept on disk (`kept_designs`).
 
     Parameters
     ----------
@@ -211,16 +212,45 @@ def design_from_scenario(scenario: Scenario) -> Design:
             raise ParameterError('design_file', '', 'must be given with method: file')
         return load_design(scenario.controller.design_file, problem, masked=masked)
     try:
-        design = design_controller(
+        design = _found_once(
             problem.of_pixels(unmasked(problem.scene.pixel_count, masked)),
-            method=scenario.controller.method,
-            options=DesignOptions.from_scenario(scenario),
+            scenario.controller.method,
+            DesignOptions.from_scenario(scenario),
         )
         return dataclasses.replace(design, problem=problem)
     except np.linalg.LinAlgError as error:
         raise SynthesisError(
             Assumption.RANK, f'{error}; does every input act, and are the numbers in proportion?'
         ) from None
+
+
+def _found_once(problem: DesignProblem, method: str, options: DesignOptions) -> Design:
+    """Return the design of a former call, of another process too, or find it."""
+
+    def find() -> Design:
+        return design_controller(problem, method=method, options=options)
+
+    if method not in METHODS:
+        # The code of a user's own method is not known here.
+        return find()
+
+    def answer() -> dict[str, Any]:
+        design = find()
+        return {
+            'controller': controller_fields(design.controller),
+            'figures': dataclasses.asdict(design.figures),
+        }
+
+    found = kept((problem, method, options), answer)
+    figures = found['figures']
+    return Design(
+        method=method,
+        problem=problem,
+        controller=controller_of(found['controller']),
+        figures=DesignFigures(
+            **{**figures, 'costs': tuple(Cost(**cost) for cost in figures['costs'])}
+        ),
+    )
 
 
 def load_design(path: str | Path, problem: DesignProblem, *, masked: Sequence[int] = ()) -> Design:
@@ -281,33 +311,6 @@ def save_design(design: Design, path: str | Path) -> None:
         controller=design.controller,
         figures=dataclasses.asdict(design.figures),
     )
-
-
-def as_json_object(design: Design) -> dict[str, Any]:
-    """Method and figures as a flat object; null stands for infinity.
-
-    `unlimited` names what is infinite, and the parts whose cost leaves any threshold: h_certified
-    is, where any threshold will do. Where no threshold is fine enough it is 0 or negative, a
-    number that compares with those of others.
-
-    Parameters
-    ----------
-    design
-        What to describe.
-    """
-    figures = dataclasses.asdict(design.figures)
-    unlimited = [name for name, value in figures.items() if value == math.inf]
-    unlimited += [cost.part for cost in design.figures.costs if cost.threshold == math.inf]
-    figures = {name: _zero_for_none(value) for name, value in figures.items()}
-    figures['costs'] = [
-        {'part': cost.part, 'threshold': _zero_for_none(cost.threshold)}
-        for cost in design.figures.costs
-    ]
-    return finite_or_null({'method': design.method, **figures, 'unlimited': unlimited})
-
-
-def _zero_for_none(value: Any) -> Any:
-    return 0.0 if value == -math.inf else value
 
 
 def measure(

@@ -100,12 +100,7 @@ def write_design_file(
         'problem': _identity(problem),
         'tolerance': problem.tolerance,
         'log_base': problem.log_base,
-        'controller': {
-            'state_matrix': controller.state_matrix.tolist(),
-            'input_vector': controller.input_vector.tolist(),
-            'output_matrix': controller.output_matrix.tolist(),
-            'feedthrough': controller.feedthrough.tolist(),
-        },
+        'controller': controller_fields(controller),
         'figures': finite_or_null(figures),
     }
     write_text(path, json.dumps(document, indent=1) + '\n')
@@ -139,12 +134,52 @@ def read_design_file(path: str | Path) -> StoredDesign:
         return StoredDesign(
             path=Path(path),
             method=str(document['method']),
-            controller=_controller(document['controller']),
+            controller=controller_of(document['controller']),
             identity={key: dict(document['problem'][key]) for key in _IDENTITY_KEYS},
             seconds=float(document['figures']['seconds']),
         )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ParameterError('design_file', path, f'is no design: {error!r}') from None
+
+
+def controller_fields(controller: LinearController) -> dict[str, Any]:
+    """Matrices of a controller with every digit.
+
+    Parameters
+    ----------
+    controller
+        K.
+    """
+    return {
+        'state_matrix': controller.state_matrix.tolist(),
+        'input_vector': controller.input_vector.tolist(),
+        'output_matrix': controller.output_matrix.tolist(),
+        'feedthrough': controller.feedthrough.tolist(),
+    }
+
+
+def controller_of(fields: Mapping[str, Any]) -> LinearController:
+    """Controller of its fields.
+
+    Parameters
+    ----------
+    fields
+        What `controller_fields` returns.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, ParameterError
+        If they are none.
+    """
+    vector = np.array(fields['input_vector'], dtype=np.float64)
+    feedthrough = np.array(fields['feedthrough'], dtype=np.float64)
+    k, m = len(vector), len(feedthrough)
+    return LinearController(
+        state_matrix=np.array(fields['state_matrix'], dtype=np.float64).reshape(k, k),
+        input_vector=vector.reshape(k, *feedthrough.shape[1:]),
+        output_matrix=np.array(fields['output_matrix'], dtype=np.float64).reshape(m, k),
+        feedthrough=feedthrough,
+    )
 
 
 def finite_or_null(figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -202,15 +237,3 @@ def _same(stored: object, wanted: object) -> bool:
         return False
     scale = float(np.max(np.abs(b), initial=0.0))
     return a.shape == b.shape and bool(np.all(np.abs(a - b) <= _RTOL * scale))
-
-
-def _controller(fields: Mapping[str, Any]) -> LinearController:
-    vector = np.array(fields['input_vector'], dtype=np.float64)
-    feedthrough = np.array(fields['feedthrough'], dtype=np.float64)
-    k, m = len(vector), len(feedthrough)
-    return LinearController(
-        state_matrix=np.array(fields['state_matrix'], dtype=np.float64).reshape(k, k),
-        input_vector=vector.reshape(k, *feedthrough.shape[1:]),
-        output_matrix=np.array(fields['output_matrix'], dtype=np.float64).reshape(m, k),
-        feedthrough=feedthrough,
-    )

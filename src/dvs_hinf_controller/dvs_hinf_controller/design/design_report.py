@@ -1,10 +1,12 @@
-"""Designs as text: one in full, or several side by side."""
+"""Designs as text, one in full or several side by side, and as JSON."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from dvs_common.arrays import FloatArray
 from dvs_hinf_controller.analysis.margins import margins
 from dvs_hinf_controller.analysis.promise import Held
 from dvs_hinf_controller.design.design import Design, DesignFigures
+from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_hinf_controller.design.figure_words import finite_or_any, threshold_words
 from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.problem import DesignProblem
@@ -169,3 +172,30 @@ def _bound(value: float) -> str:
 
 def _word(holds: bool) -> str:
     return 'yes' if holds else 'NO'
+
+
+def as_json_object(design: Design) -> dict[str, Any]:
+    """Method and figures as a flat object; null stands for infinity.
+
+    `unlimited` names what is infinite, and the parts whose cost leaves any threshold: h_certified
+    is, where any threshold will do. Where no threshold is fine enough it is 0 or negative, a
+    number that compares with those of others.
+
+    Parameters
+    ----------
+    design
+        What to describe.
+    """
+    figures = dataclasses.asdict(design.figures)
+    unlimited = [name for name, value in figures.items() if value == math.inf]
+    unlimited += [cost.part for cost in design.figures.costs if cost.threshold == math.inf]
+    figures = {name: _zero_for_none(value) for name, value in figures.items()}
+    figures['costs'] = [
+        {'part': cost.part, 'threshold': _zero_for_none(cost.threshold)}
+        for cost in design.figures.costs
+    ]
+    return finite_or_null({'method': design.method, **figures, 'unlimited': unlimited})
+
+
+def _zero_for_none(value: Any) -> Any:
+    return 0.0 if value == -math.inf else value

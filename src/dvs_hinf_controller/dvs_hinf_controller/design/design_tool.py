@@ -20,12 +20,11 @@ from dvs_hinf_controller.analysis.margins import margins
 from dvs_hinf_controller.design.bode_figure import save_bode_figure
 from dvs_hinf_controller.design.design import (
     Design,
-    as_json_object,
     design_from_scenario,
     save_design,
 )
 from dvs_hinf_controller.design.design_file import finite_or_null
-from dvs_hinf_controller.design.design_report import promise_text, report_text
+from dvs_hinf_controller.design.design_report import as_json_object, promise_text, report_text
 from dvs_hinf_controller.design.design_warnings import (
     RunningLoop,
     darkness_warnings,
