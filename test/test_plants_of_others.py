@@ -107,7 +107,7 @@ def test_the_example_of_a_listener_counts_what_its_depth_has_cost(domain, proces
         subprocess.Popen(
             [
                 *(sys.executable, ROOT / 'examples' / 'listener.py'),
-                *('--depth', str(depth), '--away', '1', '--seconds', '8'),
+                *('--depth', str(depth), '--away', '1', '--seconds', '5'),
             ],
             env=environment(domain),
             stdout=subprocess.PIPE,
