@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from loop_support import CONFIG, UNHURRIED, operating, ros_arguments, start, stop, stop_all
 from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Empty
-from test_health import latest, reaches
+from test_health import latest, reaches, values
 from test_kill_rounds import stamp_of
 
 from dvs_common.scenario.scenario import load_scenario
@@ -301,18 +301,20 @@ def test_a_wrong_initial_state_and_messages_out_of_time_leave_the_estimate_in_it
             PointCloud2, 'events', topics.handshake_qos('lockstep', 100)
         )
         assert operator.spin_until(lambda: any(p.width for p in packets))
+        # This process, and the one that they are for.
+        assert operator.spin_until(
+            lambda: min(p.get_subscription_count() for p in (light, events)) >= 2
+        )
         for offset_ns, y in OUT_OF_TIME:
             stamp_ns = stamp_of(luminosities[-1]) + offset_ns
             light.publish(pack_image(stamp_ns, np.full((1, 3), y), '64FC1'))
         events.publish(next(p for p in reversed(packets) if p.width))
 
         def are_counted():
-            camera, controller = (
-                {v.key: v.value for v in status.values}
-                for status in (
-                    latest(messages, name) for name in ('event_camera', 'hinf_controller')
-                )
-            )
+            statuses = [latest(messages, name) for name in ('event_camera', 'hinf_controller')]
+            if None in statuses:
+                return False
+            camera, controller = map(values, statuses)
             again = ('packets received twice', 'packets out of time', 'messages refused')
             return int(camera['frames out of time']) == len(OUT_OF_TIME) and any(
                 int(controller[key]) for key in again

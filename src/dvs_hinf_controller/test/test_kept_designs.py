@@ -186,16 +186,28 @@ def test_without_a_folder_that_can_be_written_a_design_is_found_each_time(tmp_pa
         assert asked.times == 2
 
 
-def test_the_folder_is_the_users_cache_unless_named(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ('xdg', 'home', 'expected'),
+    [
+        ('XDG', 'HOME', 'XDG/dvs/designs'),
+        ('', 'HOME', 'HOME/.cache/dvs/designs'),
+        ('not/absolute', 'HOME', 'HOME/.cache/dvs/designs'),
+        ('', 'HOME/that/is/not/there', None),
+    ],
+)
+def test_the_folder_is_the_users_cache_unless_named(xdg, home, expected, tmp_path, monkeypatch):
     monkeypatch.delenv('DVS_CACHE')
-    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'xdg'))
-    kept(['here'], Asked())
-    monkeypatch.delenv('XDG_CACHE_HOME')
-    monkeypatch.setenv('HOME', str(tmp_path / 'home'))
-    kept(['here'], Asked())
+    monkeypatch.chdir(tmp_path)
+    for folder in ('XDG', 'HOME'):
+        (tmp_path / folder).mkdir()
+    monkeypatch.setenv('XDG_CACHE_HOME', xdg.replace('XDG', str(tmp_path / 'XDG')))
+    monkeypatch.setenv('HOME', str(tmp_path / home))
 
-    assert len(list((tmp_path / 'xdg' / 'dvs' / 'designs').iterdir())) == 1
-    assert len(list((tmp_path / 'home' / '.cache' / 'dvs' / 'designs').iterdir())) == 1
+    assert kept(['here'], Asked()) == {'answer': 1.5}
+
+    written = [path.parent.relative_to(tmp_path) for path in tmp_path.rglob('*.json')]
+    assert written == ([Path(expected)] if expected else [])
+    assert {path.name for path in tmp_path.iterdir()} == {'XDG', 'HOME'}
 
 
 def test_the_oldest_go_when_there_are_many(folder, monkeypatch):

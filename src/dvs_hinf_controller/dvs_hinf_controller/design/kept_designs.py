@@ -69,11 +69,17 @@ def _folder() -> Path | None:
     """Where designs are kept; None where the user has no home, or an empty DVS_CACHE."""
     if (named := os.environ.get('DVS_CACHE')) is not None:
         return Path(named) / 'designs' if named else None
-    try:
-        cache_folder = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
-    except RuntimeError:
-        return None
-    return Path(cache_folder) / 'dvs' / 'designs'
+    # The XDG Base Directory Specification has a relative path ignored.
+    caches = Path(os.environ.get('XDG_CACHE_HOME', ''))
+    if not caches.is_absolute():
+        try:
+            home = Path.home()
+        except RuntimeError:
+            return None
+        if not home.is_absolute() or not home.is_dir():
+            return None
+        caches = home / '.cache'
+    return caches / 'dvs' / 'designs'
 
 
 def _read(path: Path | None) -> str | None:
