@@ -226,22 +226,18 @@ def design_from_scenario(scenario: Scenario) -> Design:
 
 def _found_once(problem: DesignProblem, method: str, options: DesignOptions) -> Design:
     """Return the design of a former call, of another process too, or find it."""
-
-    def find() -> Design:
-        return design_controller(problem, method=method, options=options)
-
     if method not in METHODS:
         # The code of a user's own method is not known here.
-        return find()
+        return design_controller(problem, method=method, options=options)
 
-    def answer() -> dict[str, Any]:
-        design = find()
+    def find() -> dict[str, Any]:
+        design = design_controller(problem, method=method, options=options)
         return {
             'controller': controller_fields(design.controller),
             'figures': dataclasses.asdict(design.figures),
         }
 
-    found = kept((problem, method, options), answer)
+    found = kept((problem, method, options), find)
     figures = found['figures']
     return Design(
         method=method,
