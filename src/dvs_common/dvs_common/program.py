@@ -15,7 +15,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import FrameType
 
@@ -25,16 +25,27 @@ from dvs_common.late_imports import import_less
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _LEAST_SHARED_MEMORY_BYTES = 1 << 16
+# Libraries take a tenth of that to end; closed_loop and ros2 launch give up after 5 s.
+_LONGEST_END_S = 3
 
 Handler = Callable[[int, FrameType | None], None]
 
 
 class StopSignal:
-    """Remembers a signal that ends the program, which then ends in order at its next turn."""
+    """Remembers a signal that ends the program, which then ends in order at its next turn.
+
+    Attributes
+    ----------
+    received
+        Whether one has come.
+    is_of_program
+        Whether it was made by a program of the suite, not by a notebook or a test.
+    """
 
     def __init__(self) -> None:
         self.received = False
         self._before = {number: signal.getsignal(number) for number in ENDING}
+        self.is_of_program = self._before[signal.SIGTERM] in (_interrupt, _leave)
         _handle(self._receive)
 
     def __enter__(self) -> StopSignal:
@@ -66,6 +77,29 @@ def run_program(module: str) -> int:
     module
         Full name of the module.
     """
+    code = 1
+    try:
+        code = _exit_code(module)
+        return code
+    finally:
+        # While the interpreter goes, a second signal would end it with another exit code.
+        _handle(signal.SIG_IGN)
+        _end_soon(code)
+
+
+def _end_soon(code: int) -> None:
+    """Let no library keep the process from ending; Fast DDS is the one that does."""
+    if sys.modules.get('rclpy') is None:
+        return
+    # Not before what is imported first, the handlers of signals.
+    from dvs_common.latest_end import end_at_the_latest
+
+    # Where the system has no timer left, the end is the usual one.
+    with suppress(OSError):
+        end_at_the_latest(_LONGEST_END_S, code)
+
+
+def _exit_code(module: str) -> int:
     _handle(_leave)
     _let_warnings_be_warnings()
     _let_numba_have_a_thread()
@@ -105,9 +139,6 @@ def run_program(module: str) -> int:
             f'{_program()}: needs the package {missing}, which is not installed', file=sys.stderr
         )
         return 1
-    finally:
-        # While the interpreter goes, a second signal would end it with another exit code.
-        _handle(signal.SIG_IGN)
 
 
 @contextmanager

@@ -116,6 +116,53 @@ def test_a_second_signal_does_not_interrupt_what_a_program_does_after_its_sessio
     assert (found.returncode, found.stdout, found.stderr) == (0, 'written\n', '')
 
 
+@pytest.mark.parametrize('code', [0, 3])
+def test_a_program_ends_with_its_code_where_the_middleware_waits_for_ever(code, tmp_path):
+    """As Fast DDS does at the end, with Python's lock and all signals ignored."""
+    (tmp_path / 'stuck.py').write_text(
+        'import atexit, ctypes\n'
+        'from dvs_common.node.session import ros_session\n'
+        f'def main():\n    atexit.register(ctypes.PyDLL(None).pause)\n    return {code}\n'
+    )
+    run = 'from dvs_common.program import run_program; raise SystemExit(run_program("stuck"))'
+    found = subprocess.run([sys.executable, '-c', run], cwd=tmp_path, timeout=30)
+
+    assert found.returncode == code
+
+
+@pytest.mark.parametrize(('runner', 'left'), [('program', True), ('notebook', False)])
+def test_a_participant_is_deleted_at_the_end_of_a_program_and_of_any_other_session(
+    runner, left, tmp_path
+):
+    (tmp_path / 'leaves.py').write_text(LEAVES)
+    run = {
+        'program': 'from dvs_common.program import run_program; run_program("leaves")',
+        'notebook': 'import leaves; leaves.main()',
+    }[runner]
+    found = subprocess.run(
+        [sys.executable, '-c', run], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+
+    assert found.stderr == ''
+    assert (int(found.stdout) > 0) == left
+
+
+LEAVES = """
+from pathlib import Path
+import rclpy
+from dvs_common.node.session import ros_session
+
+def receivers():
+    names = (path.read_text() for path in Path('/proc/self/task').glob('*/comm'))
+    return sum(name.startswith('dds.udp') for name in names)
+
+def main():
+    with ros_session() as session:
+        session.add(rclpy.create_node('leaves'))
+        assert receivers()
+    print(receivers())
+    return 0
+"""
 LATE = """
 import signal
 from dvs_common.node.session import ros_session

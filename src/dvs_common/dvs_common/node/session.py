@@ -115,12 +115,19 @@ class RosSession:
             self.turn(left)
 
     def close(self) -> None:
-        """Take the nodes down."""
+        """Take the nodes down.
+
+        Of a program's nodes all goes but what Fast DDS deletes last, its participant: in that it
+        can wait for ever, and until the program ends there is more to do (see `latest_end`).
+        """
         self._clock.close()
         for node in self._nodes:
             self._executor.remove_node(node)
         self._executor.shutdown()
         for node in self._nodes:
+            if self.stop.is_of_program:
+                # A handle that is in use is not destroyed.
+                node.handle.__enter__()
             node.destroy_node()
 
 
