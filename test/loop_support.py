@@ -27,7 +27,7 @@ from dvs_common.wire import topics
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / 'config'
 # Without an end, and slow enough to leave the processors to others while a test waits.
-UNHURRIED = {'duration': 0.0, 'real_time_factor': 0.5}
+UNHURRIED = {'duration': 0.0, 'real_time_factor': 0.25}
 PACKAGE = {
     'plant_sim': 'dvs_plant_sim',
     'pendulum_sim': 'dvs_plant_sim',

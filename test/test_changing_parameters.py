@@ -21,7 +21,7 @@ OTHER_SET_POINT = [0.3, -0.12]
 
 def start_loop(domain, processes, **parameters):
     for executable in NODES:
-        arguments = ros_arguments({'duration': 0.0, **parameters})
+        arguments = ros_arguments({**UNHURRIED, **parameters})
         processes.append(start(executable, domain, arguments))
 
 
@@ -145,8 +145,9 @@ def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
         assert 'sampling_period can only change while the node is not active' in refused.reason
         wrong = operator.set_parameters('plant_sim', real_time_factor=-1.0)
         assert not wrong.successful
+        kept = {'sampling_period': Scenario.from_values({})['sampling_period'], **UNHURRIED}
         for name in ('real_time_factor', 'sampling_period'):
-            assert operator.parameter('plant_sim', name) == Scenario.from_values({})[name]
+            assert operator.parameter('plant_sim', name) == kept[name]
 
         # At a twentieth of real time, 1 kHz samples come at 50 Hz.
         assert operator.set_parameters('plant_sim', real_time_factor=0.05).successful
@@ -157,7 +158,7 @@ def test_what_is_fixed_while_active_is_refused_as_a_whole(domain, processes):
 
 
 def test_tolerance_and_display_change_on_the_way(domain, processes):
-    start_loop(domain, processes, **UNHURRIED)
+    start_loop(domain, processes)
     with operating(domain) as operator:
         messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
 
@@ -186,7 +187,7 @@ def test_tolerance_and_display_change_on_the_way(domain, processes):
 
 
 def test_the_estimator_follows_a_camera_with_another_threshold(domain, processes):
-    processes.append(start('plant_sim', domain, ros_arguments({'duration': 0.0})))
+    processes.append(start('plant_sim', domain, ros_arguments(UNHURRIED)))
     processes.append(start('event_camera', domain, ros_arguments({'event_threshold': 0.1})))
     processes.append(start('hinf_controller', domain))
     with operating(domain) as operator:

@@ -7,7 +7,7 @@ from functools import partial
 
 import loop_support
 import pytest
-from loop_support import start, stop
+from loop_support import UNHURRIED, ros_arguments, start, stop
 
 # A question to the browser takes it as long as a picture.
 wait_for = partial(loop_support.wait_for, pause_s=0.1)
@@ -72,9 +72,8 @@ def start_dashboard(domain, processes):
 
 def test_the_page_of_a_running_loop(browser, domain, processes):
     dashboard, url = start_dashboard(domain, processes)
-    slow = ['--ros-args', '-p', 'real_time_factor:=0.5', '-p', 'duration:=0.0']
     for node in ('event_camera', 'hinf_controller', 'plant_sim'):
-        processes.append(start(node, domain, slow))
+        processes.append(start(node, domain, ros_arguments(UNHURRIED)))
 
     browser.get(url)
 

@@ -18,7 +18,7 @@ from dvs_common.scenario.scenario import load_scenario
 from dvs_simulation.judging.measures import error, regulated
 
 NODES = ('event_camera', 'hinf_controller', 'plant_sim')
-PARAMETERS = {'duration': 0.0, 'event_threshold': 0.1}
+PARAMETERS = {'duration': 0.0, 'real_time_factor': 0.5, 'event_threshold': 0.1}
 FILES = {'lockstep': 'mirror_r3.yaml', 'realtime': 'mirror_r3_realtime.yaml'}
 # Samples after which a loop that was disturbed must be inside its tolerance again.
 SETTLED = {'lockstep': 1500, 'realtime': 750}

@@ -2,7 +2,7 @@
 
 import random
 
-from loop_support import operating, ros_arguments, start, stop_all
+from loop_support import UNHURRIED, operating, ros_arguments, start, stop_all
 from sensor_msgs.msg import JointState
 
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
@@ -11,7 +11,7 @@ MORE = 200
 
 def test_a_lockstep_loop_goes_on_after_the_transitions_of_any_node(domain, processes):
     for executable in NODES:
-        parameters = {'duration': 0.0, 'autostart': False}
+        parameters = {**UNHURRIED, 'autostart': False}
         processes.append(start(executable, domain, ros_arguments(parameters)))
     draw = random.Random(1)
     with operating(domain) as operator:
