@@ -27,7 +27,7 @@ from rclpy.utilities import remove_ros_args
 from dvs_common.errors import ParameterError
 from dvs_common.node.clock_watch import ClockWatch
 from dvs_common.node.direct_calls import DirectCalls
-from dvs_common.node.heartbeat import ask_readers_often
+from dvs_common.node.middleware_periods import shorten_periods
 from dvs_common.node.shared_memory import leave_shared_memory_where_needed
 from dvs_common.program import StopSignal
 
@@ -150,7 +150,7 @@ def ros_session(arguments: Sequence[str] = ()) -> Iterator[RosSession]:
         domain = require_domain()
         require_discovery()
         require_switches_of_the_log()
-        ask_readers_often()
+        shorten_periods()
         leave_shared_memory_where_needed(domain)
         _know_modules_by_file()
         try:

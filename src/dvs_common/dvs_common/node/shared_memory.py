@@ -13,7 +13,7 @@ import re
 import sys
 from pathlib import Path
 
-from dvs_common.node.heartbeat import PROFILES, is_fast_dds_ours
+from dvs_common.node.middleware_periods import PROFILES, is_fast_dds_ours
 
 # What the middleware of a loop takes of it, with something to spare.
 _ROOM_BYTES = 8 << 20

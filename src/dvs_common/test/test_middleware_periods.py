@@ -1,17 +1,19 @@
-"""Writers ask their readers often, and what a user has set for the middleware stays."""
+"""Nodes ask and announce themselves often; what a user has set for the middleware stays."""
 
 import os
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from dvs_common.node import heartbeat
-from dvs_common.node.heartbeat import PROFILES, ask_readers_often
+from dvs_common.node import middleware_periods
+from dvs_common.node.middleware_periods import PROFILES, shorten_periods
 
-FOLDER = Path(heartbeat.__file__).parent
+FOLDER = Path(middleware_periods.__file__).parent
 # A reader answers when it is asked, which by itself is 3 s after the message.
 TALK = """
 import sys
@@ -45,20 +47,49 @@ def plain(monkeypatch, tmp_path):
     os.environ.pop(PROFILES, None)
 
 
-def period_s(path):
-    space = {'dds': 'http://www.eprosima.com'}
-    entry = ElementTree.parse(path).find(
-        'dds:publisher[@is_default_profile="true"]/dds:times/dds:heartbeatPeriod', space
+def periods_s(path):
+    """Of the questions of a writer, and of the announcements of a participant."""
+    profiles = ElementTree.parse(path).getroot()
+    entries = (
+        'publisher[@is_default_profile="true"]/times/heartbeatPeriod',
+        'participant[@is_default_profile="true"]/rtps/builtin/discovery_config/leaseAnnouncement',
     )
-    return float(entry.findtext('dds:nanosec', None, space)) / 1e9
+    space = {'': 'http://www.eprosima.com'}
+    found = [profiles.find(entry, space) for entry in entries]
+    return [
+        float(e.findtext('sec', '0', space)) + float(e.findtext('nanosec', '0', space)) / 1e9
+        for e in found
+    ]
 
 
-def test_writers_ask_ten_times_a_second_by_udp_alone_too():
-    ask_readers_often()
+def test_periods_are_short_by_udp_alone_too():
+    shorten_periods()
 
     assert Path(os.environ[PROFILES]).parent == FOLDER
-    assert [period_s(path) for path in sorted(FOLDER.glob('*.xml'))] == [0.1, 0.1]
-    assert period_s(os.environ[PROFILES]) == 0.1
+    assert [periods_s(path) for path in sorted(FOLDER.glob('*.xml'))] == [[0.1, 0.3]] * 2
+    assert periods_s(os.environ[PROFILES]) == [0.1, 0.3]
+
+
+def test_a_node_goes_on_to_announce_itself_often(domain):
+    """As its announcements come at the port of a participant that would start as the sixth."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port,
+        subprocess.Popen(
+            [sys.executable, '-c', TALK, 'reader'],
+            env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},
+            stdout=subprocess.DEVNULL,
+        ) as reader,
+    ):
+        port.bind(('127.0.0.1', 7400 + 250 * domain + 10 + 2 * 5))
+        port.settimeout(20)
+        announced_at = []
+        for _ in range(12):
+            assert port.recv(1 << 16).startswith(b'RTPS')
+            announced_at.append(time.monotonic())
+        reader.terminate()
+
+    # The first six come within half a second in any case; the others would take 18 s.
+    assert announced_at[-1] - announced_at[5] < 9
 
 
 @pytest.mark.parametrize(
@@ -69,7 +100,7 @@ def test_a_middleware_that_the_user_has_set_up_stays(plain, name, value):
     plain.setenv(name, value)
     before = dict(os.environ)
 
-    ask_readers_often()
+    shorten_periods()
 
     assert dict(os.environ) == before
 
@@ -77,7 +108,7 @@ def test_a_middleware_that_the_user_has_set_up_stays(plain, name, value):
 def test_profiles_in_the_working_directory_stay_alone(tmp_path):
     (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').touch()
 
-    ask_readers_often()
+    shorten_periods()
 
     assert PROFILES not in os.environ
 
