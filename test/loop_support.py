@@ -22,6 +22,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from sensor_msgs.msg import JointState, PointCloud2
 
+from dvs_common.node.middleware_periods import shorten_periods
 from dvs_common.wire import topics
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -146,6 +147,8 @@ class Visitor:
     """A node in a domain of the test's choice."""
 
     def __init__(self, domain: int) -> None:
+        # Nodes that start later meet this one soon.
+        shorten_periods()
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain, args=[])
         self.node = rclpy.create_node('listener', context=self._context)
