@@ -21,6 +21,7 @@ _SECONDS, _TICKS = 4.0, os.sysconf('SC_CLK_TCK')
 _PATIENCE_S = 40.0
 # Cycles that a figure should rest on.
 _LEAST_CYCLES = 30
+_UNHURRIED = ('real_time_factor:=0.1',)
 
 
 class TooSlowError(RuntimeError):
@@ -48,7 +49,11 @@ def _cpu_and_memory(process: subprocess.Popen[bytes]) -> tuple[float, float]:
 
 
 def _run(
-    size: tuple[int, int], domain: int, programs: tuple[tuple[str, str], ...], seconds: float
+    size: tuple[int, int],
+    domain: int,
+    programs: tuple[tuple[str, str], ...],
+    seconds: float,
+    *parameters: str,
 ) -> tuple[float, dict[str, tuple[float, float]]]:
     """Cycles per second, and of every process CPU milliseconds a cycle and megabytes."""
     width, height = size
@@ -66,6 +71,7 @@ def _run(
         'pixel_offsets:=[]',
         f'pixel_grid:=[{height}, {width}]',
         f'pixel_pitch:=[{span}, 0.0, 0.0, {span}]',
+        *parameters,
     ):
         arguments += ['-p', value]
     nodes = {
@@ -162,15 +168,15 @@ def measure(quick: bool = False) -> dict[str, float]:
     Parameters
     ----------
     quick
-        One size.
+        One size, whose loop does not take the whole machine.
     """
     figures: dict[str, float] = {}
-    seconds = 0.1 if quick else _SECONDS
+    seconds, parameters = (0.1, _UNHURRIED) if quick else (_SECONDS, ())
     for label, programs in (('three', THREE_PROCESSES), ('composed', ONE_PROCESS)):
         for size in SIZES[:1] if quick else SIZES:
             name = f'{size[0]}x{size[1]}_{label}'
             try:
-                rate, nodes = _run(size, 90, programs, seconds)
+                rate, nodes = _run(size, 90, programs, seconds, *parameters)
             except TooSlowError as error:
                 print(f'  {name}: {error}', flush=True)
                 figures[f'scale_cycles_per_s_{name}_bound'] = error.bound

@@ -88,7 +88,8 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
     """
     buffer = io.BytesIO()
     with drawing():
-        figure = Figure(figsize=(6.4, 4.0), layout='constrained')
+        figure = Figure(figsize=(6.4, 4.0))
+        figure.subplots_adjust(left=0.14, right=0.97, bottom=0.125, top=0.91)
         PANELS[name](figure.subplots(), trace, scenario, verdict)
         # Without a date, so that the same run gives the same bytes.
         figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
@@ -97,7 +98,7 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
 
 def _head(axes: Axes, title: str, **legend: float) -> None:
     """Title and legend above the axes: a long run fills every place inside."""
-    axes.set_title(title, loc='left')
+    axes.set_title(title, loc='left', y=1.0)
     axes.legend(
         loc='lower right',
         bbox_to_anchor=(1, 1),
@@ -166,7 +167,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
         xlabel='x1 [state units]',
         ylabel='x2 [state units]',
     )
-    axes.set_title(phase_portrait_title(centre.size), loc='left')
+    axes.set_title(phase_portrait_title(centre.size), loc='left', y=1.0)
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend(loc='best', frameon=False)
     axes.grid(alpha=0.3)
