@@ -57,7 +57,7 @@ class WeightedVectors:
         """
         columns = directions.shape[1]
         total, room = np.zeros(columns), np.empty((_rows(columns), columns))
-        for part in _parts(len(self.values), columns):
+        for part in parts_of(len(self.values), columns):
             values = self.values[part]
             products = np.matmul(values, directions, out=room[: len(values)])
             total += self.weights[part] @ np.abs(products, out=products)
@@ -200,27 +200,21 @@ def _relaxed_maximum(kernel: WeightedVectors, s: FloatArray) -> _Relaxed:
     return _Relaxed(bound=bound, density=s)
 
 
-def absolute_sums(weights: FloatArray, values: FloatArray) -> FloatArray:
-    """``sum weights |values|`` of every column.
-
-    Parameters
-    ----------
-    weights
-        Shape (N,).
-    values
-        Shape (N, p).
-    """
-    parts = _parts(*values.shape)
-    return np.asarray(sum(weights[part] @ np.abs(values[part]) for part in parts))
-
-
 def _rows(columns: int) -> int:
     """How many rows a cache holds."""
     return max(_BLOCK // max(columns, 1), 1)
 
 
-def _parts(rows: int, columns: int) -> list[slice]:
-    """Rows that a cache holds at a time."""
+def parts_of(rows: int, columns: int) -> list[slice]:
+    """Rows that a cache holds at a time.
+
+    Parameters
+    ----------
+    rows
+        How many there are.
+    columns
+        Numbers in each.
+    """
     step = _rows(columns)
     return [slice(first, first + step) for first in range(0, rows, step)]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.arrays import FloatArray
+from dvs_hinf_controller.analysis.directions import parts_of
 from dvs_hinf_controller.analysis.flows import Flow
 from dvs_hinf_controller.analysis.tail_bounds import Bound
 
@@ -28,8 +29,10 @@ class Kernel:
     ----------
     times
         Shape (N,), s, from 0.
-    values
-        Responses, shape (P, N S, p): P phases, S start vectors, p outputs.
+    states
+        States of the flow, shape (N S, size): S start vectors.
+    outputs
+        Output rows at every phase, shape (P, p, size).
     weights
         Weights of the integral, shape (N S,).
     slop
@@ -42,11 +45,52 @@ class Kernel:
     """
 
     times: FloatArray
-    values: FloatArray
+    states: FloatArray
+    outputs: FloatArray
     weights: FloatArray
     slop: FloatArray
     state_quadrature: float
     state_tail: float
+
+    @property
+    def values(self) -> FloatArray:
+        """Responses, shape (P, N S, p)."""
+        return self.states @ _columns(self.outputs)
+
+    def summed(self, kept: int) -> Summed:
+        """Sum all responses without holding them: many do not fit into a cache.
+
+        Parameters
+        ----------
+        kept
+            How many of the first outputs are held as well.
+        """
+        phases, p, _ = self.outputs.shape
+        columns, sums = _columns(self.outputs), np.zeros((phases, p))
+        values = np.empty((phases, len(self.states), kept))
+        for part in parts_of(len(self.states), p):
+            states, weights = self.states[part], self.weights[part]
+            for phase in range(phases):
+                found = states @ columns[phase]
+                values[phase, part] = found[:, :kept]
+                sums[phase] += weights @ np.abs(found, out=found)
+        return Summed(values=values, sums=sums)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summed:
+    """Weighted sums of absolute responses.
+
+    Parameters
+    ----------
+    values
+        Responses of the first outputs, shape (P, N S, kept).
+    sums
+        ``sum weights |values|`` of every output, shape (P, p).
+    """
+
+    values: FloatArray
+    sums: FloatArray
 
 
 def sample_kernel(
@@ -185,12 +229,17 @@ class _Sampler:
         flat = np.ascontiguousarray(np.moveaxis(path.states, 1, 2)).reshape(nodes * count, size)
         return Kernel(
             times=path.times,
-            values=flat @ np.ascontiguousarray(np.swapaxes(self.outputs, 1, 2)),
+            states=flat,
+            outputs=self.outputs,
             weights=np.outer(self.flow.weights(path.times), self.start_weights).ravel(),
             slop=(path.error + path.tail)[1:],
             state_quadrature=float(path.error[0]),
             state_tail=float(path.tail[0]),
         )
+
+
+def _columns(outputs: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(np.swapaxes(outputs, 1, 2))
 
 
 def _powers(matrix: FloatArray, count: int) -> FloatArray:

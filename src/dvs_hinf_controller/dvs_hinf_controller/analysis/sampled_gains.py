@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from dvs_common.arrays import FloatArray
-from dvs_hinf_controller.analysis.directions import absolute_sums, largest_bound, lengths_of
+from dvs_hinf_controller.analysis.directions import largest_bound, lengths_of
 from dvs_hinf_controller.analysis.flows import trapezoidal_weights
 from dvs_hinf_controller.analysis.kernel import Kernel, sample_kernel
 from dvs_hinf_controller.analysis.lifted_loop import CHORD_SHARE, LiftedLoop, SampledFlow
@@ -248,9 +248,9 @@ class SampledGains:
         if kernel is None:
             infinite = np.full(self._outputs.shape[1], math.inf)
             return _Pass(gains=self._assembled(infinite, math.inf))
-        sums = np.max([absolute_sums(kernel.weights, v) for v in kernel.values], axis=0)
-        rows = sums + direct.rows
-        error = largest_bound(kernel.values[:, :, : self._states], kernel.weights) + direct.norm
+        summed = kernel.summed(self._states)
+        rows = summed.sums.max(axis=0) + direct.rows
+        error = largest_bound(summed.values, kernel.weights) + direct.norm
         seen = self._assembled(rows, error)
         rows, error = rows + kernel.slop, error + kernel.state_quadrature + kernel.state_tail
         sampled = self._assembled(rows, error)
