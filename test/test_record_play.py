@@ -80,7 +80,8 @@ def test_replayed_events_give_the_recorded_commands(mode, new_domain, processes,
     processes.append(recorder)
     lines_until(recorder, ['receives command'])
     # The controller may take some seconds longer to meet the recorder than the other way round.
-    options = ['--topics', 'events', '--wait', '--delay', '4', '--rate', '0.5']
+    rate = '20' if mode == 'lockstep' else '0.5'
+    options = ['--topics', 'events', '--wait', '--delay', '4', '--rate', rate]
     player = start('dvs_closed_loop', domain, ['play', str(original.path), *options])
     processes.append(player)
     output, _ = player.communicate(timeout=90)

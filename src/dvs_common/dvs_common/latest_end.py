@@ -8,9 +8,12 @@ Python's lock as well, so no thread of Python could end it; a timer of the syste
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import time
 
+# Libraries take a tenth of that to end; closed_loop and ros2 launch give up after 5 s.
+_LONGEST_END_S = 3
 _SIGEV_THREAD = 2
 
 
@@ -34,28 +37,26 @@ class _Times(ctypes.Structure):
     )
 
 
-def end_at_the_latest(seconds: int, code: int) -> None:
-    """Have the system end this process after a while, whatever it does then.
+def end_soon(code: int) -> None:
+    """Let no library keep this process from ending once its interpreter ends.
 
-    Nothing is written or tidied up at that end: call this when all that matters is done.
+    Where the system has no timer for that, the end is the usual one.
 
     Parameters
     ----------
-    seconds
-        Until then, at least 1.
     code
-        Exit code of that end.
-
-    Raises
-    ------
-    OSError
-        If the system has no timer left.
+        Exit code of a process that a library keeps.
     """
-    system = ctypes.CDLL(None, use_errno=True)
+    atexit.register(_set_timer, code)
+
+
+def _set_timer(code: int) -> None:
+    system = ctypes.CDLL(None)
+    if not hasattr(system, 'timer_create'):
+        return
     leave = ctypes.cast(system._exit, ctypes.c_void_p).value
     event = _Event(value=code, notify=_SIGEV_THREAD, function=leave)
     timer = ctypes.c_void_p()
-    created = system.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer))
-    times = _Times(wait_s=seconds)
-    if created or system.timer_settime(timer, 0, ctypes.byref(times), None):
-        raise OSError(ctypes.get_errno(), 'timer_create')
+    if system.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)):
+        return
+    system.timer_settime(timer, 0, ctypes.byref(_Times(wait_s=_LONGEST_END_S)), None)

@@ -15,7 +15,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
 
@@ -25,8 +25,6 @@ from dvs_common.late_imports import import_less
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _LEAST_SHARED_MEMORY_BYTES = 1 << 16
-# Libraries take a tenth of that to end; closed_loop and ros2 launch give up after 5 s.
-_LONGEST_END_S = 3
 
 Handler = Callable[[int, FrameType | None], None]
 
@@ -84,19 +82,11 @@ def run_program(module: str) -> int:
     finally:
         # While the interpreter goes, a second signal would end it with another exit code.
         _handle(signal.SIG_IGN)
-        _end_soon(code)
+        if sys.modules.get('rclpy') is not None:
+            # Not before what is imported first, the handlers of signals.
+            from dvs_common.latest_end import end_soon
 
-
-def _end_soon(code: int) -> None:
-    """Let no library keep the process from ending; Fast DDS is the one that does."""
-    if sys.modules.get('rclpy') is None:
-        return
-    # Not before what is imported first, the handlers of signals.
-    from dvs_common.latest_end import end_at_the_latest
-
-    # Where the system has no timer left, the end is the usual one.
-    with suppress(OSError):
-        end_at_the_latest(_LONGEST_END_S, code)
+            end_soon(code)
 
 
 def _exit_code(module: str) -> int:

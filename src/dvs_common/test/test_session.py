@@ -116,18 +116,32 @@ def test_a_second_signal_does_not_interrupt_what_a_program_does_after_its_sessio
     assert (found.returncode, found.stdout, found.stderr) == (0, 'written\n', '')
 
 
-@pytest.mark.parametrize('code', [0, 3])
-def test_a_program_ends_with_its_code_where_the_middleware_waits_for_ever(code, tmp_path):
-    """As Fast DDS does at the end, with Python's lock and all signals ignored."""
-    (tmp_path / 'stuck.py').write_text(
-        'import atexit, ctypes\n'
-        'from dvs_common.node.session import ros_session\n'
-        f'def main():\n    atexit.register(ctypes.PyDLL(None).pause)\n    return {code}\n'
-    )
-    run = 'from dvs_common.program import run_program; raise SystemExit(run_program("stuck"))'
-    found = subprocess.run([sys.executable, '-c', run], cwd=tmp_path, timeout=30)
+# As Fast DDS does at the end, with Python's lock and all signals ignored.
+STUCK = """
+import atexit, ctypes, sys
 
-    assert found.returncode == code
+def main():
+    from dvs_common.node.session import ros_session
+    atexit.register(ctypes.PyDLL(None).pause)
+    return 3
+"""
+
+
+RUNS = {
+    'from dvs_common.program import run_program; sys.exit(run_program("stuck"))': 3,
+    'from dvs_common.node.spin import run_nodes; stuck.main(); '
+    'sys.exit(run_nodes([], ["stuck", "--help"]))': 0,
+}
+
+
+@pytest.mark.parametrize(('run', 'code'), list(RUNS.items()), ids=['program', 'nodes'])
+def test_a_program_ends_with_its_code_where_the_middleware_waits_for_ever(run, code, tmp_path):
+    (tmp_path / 'stuck.py').write_text(STUCK)
+    process = subprocess.Popen([sys.executable, '-c', f'import sys, stuck; {run}'], cwd=tmp_path)
+    try:
+        assert process.wait(timeout=30) == code
+    finally:
+        process.kill()
 
 
 @pytest.mark.parametrize(('runner', 'left'), [('program', True), ('notebook', False)])

@@ -134,7 +134,7 @@ class HinfControllerNode(ManagedNode):
         self._stamp_ns = 0
         self._ready: ReadyAnswer | None = None
         has_past = self._scenario.loop.mode == 'lockstep'
-        self._backlog = Backlog() if has_past else None
+        self._backlog = Backlog(time.time_ns()) if has_past else None
 
     def deactivate(self) -> None:
         """Leave a running plant with the input that holds the set-point."""
@@ -173,7 +173,7 @@ class HinfControllerNode(ManagedNode):
         self._stamp_ns = packet.stamp_ns
         now_s = time.monotonic()
         backlog.add(now_s)
-        if backlog.is_over(now_s):
+        if backlog.is_of_now(self.published_ns, time.time_ns()) or backlog.is_over(now_s):
             self._answer_last()
 
     def _learn(self, message: bytes) -> tuple[EventPacket, PacketReport]:

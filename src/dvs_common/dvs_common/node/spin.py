@@ -12,6 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from dvs_common.errors import ParameterError
+from dvs_common.latest_end import end_soon
 from dvs_common.node.direct_calls import DirectCalls
 from dvs_common.node.managed_node import ManagedNode
 from dvs_common.node.session import RosSession, own_arguments, ros_session
@@ -49,6 +50,16 @@ def run_nodes(
         Exit code: 0 after a signal or a successful finish, 2 if the nodes can't start.
     """
     command_line = sys.argv if arguments is None else list(arguments)
+    code = _exit_code(factories, command_line, options)
+    end_soon(code)
+    return code
+
+
+def _exit_code(
+    factories: Sequence[Callable[[], ManagedNode]],
+    command_line: Sequence[str],
+    options: Sequence[str],
+) -> int:
     try:
         answer = _answer(command_line, options)
         if answer is not None:

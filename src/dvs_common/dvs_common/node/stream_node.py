@@ -19,7 +19,7 @@ from dvs_common.nanoseconds import as_nanoseconds
 from dvs_common.node.demanded_publisher import DemandedPublisher
 from dvs_common.node.direct_calls import AnyPublisher, DirectCalls, DirectPublisher
 from dvs_common.node.fitting_subscription import FittingSubscription
-from dvs_common.node.message_information import Arrivals, WithInformation
+from dvs_common.node.message_information import Arrivals, WithInformation, publication_ns
 from dvs_common.node.parameter_node import ParameterNode
 from dvs_common.node.sole_publisher import SolePublisher
 from dvs_common.node.token_publisher import TokenPublisher
@@ -56,6 +56,8 @@ class StreamNode(ParameterNode):
         super().__init__(executable, own_parameters=own_parameters, **node_arguments)
         self.rejected_messages = 0
         self.lost_messages = 0
+        # When the message that is handled now was published, by the clock of its publisher.
+        self.published_ns: int | None = None
         # To the other nodes of this process, if there are some.
         self.direct: DirectCalls | None = None
         self._sole: list[SolePublisher] = []
@@ -173,7 +175,9 @@ class StreamNode(ParameterNode):
             # The numbers of several publishers have nothing to do with each other.
             if missed and self.is_active and fitting.subscription.get_publisher_count() == 1:
                 self.lost_messages += missed
+            self.published_ns = publication_ns(information)
             guarded(message)
+            self.published_ns = None
 
         def subscribe(qos: QoSProfile) -> Subscription[Any]:
             return self.create_subscription(

@@ -15,10 +15,31 @@ class Backlog:
 
     The middleware delivers packets of the past to a late controller of a lockstep loop. Answers to
     them would carry stamps that a plant which has started again awaits as its own.
+
+    Parameters
+    ----------
+    start_ns
+        When the controller started, ns of the machine's clock.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, start_ns: int) -> None:
+        self._start_ns = start_ns
         self._first_s = self._last_s = math.inf
+
+    def is_of_now(self, published_ns: int | None, now_ns: int) -> bool:
+        """Whether a packet is known to be none of the past.
+
+        The clock of another machine may be ahead: what it publishes seems to come from the future,
+        and then nothing is known.
+
+        Parameters
+        ----------
+        published_ns
+            When it was published, by the clock of its publisher; None where that is not known.
+        now_ns
+            The time by the clock of this machine.
+        """
+        return published_ns is not None and self._start_ns < published_ns <= now_ns
 
     def add(self, now_s: float) -> None:
         """Note a packet.
