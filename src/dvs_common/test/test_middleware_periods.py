@@ -70,6 +70,7 @@ def test_periods_are_short_by_udp_alone_too():
     assert periods_s(os.environ[PROFILES]) == [0.1, 0.3]
 
 
+@pytest.mark.processes
 def test_a_node_goes_on_to_announce_itself_often(domain):
     """As its announcements come at the port of a participant that would start as the sixth."""
     with (
@@ -113,6 +114,7 @@ def test_profiles_in_the_working_directory_stay_alone(tmp_path):
     assert PROFILES not in os.environ
 
 
+@pytest.mark.processes
 def test_a_writer_knows_soon_that_its_last_message_has_arrived(domain):
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
     talk = [sys.executable, '-c', TALK]

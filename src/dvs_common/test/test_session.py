@@ -134,6 +134,7 @@ RUNS = {
 }
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(('run', 'code'), list(RUNS.items()), ids=['program', 'nodes'])
 def test_a_program_ends_with_its_code_where_the_middleware_waits_for_ever(run, code, tmp_path):
     (tmp_path / 'stuck.py').write_text(STUCK)
@@ -144,6 +145,7 @@ def test_a_program_ends_with_its_code_where_the_middleware_waits_for_ever(run, c
         process.kill()
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(('runner', 'left'), [('program', True), ('notebook', False)])
 def test_a_participant_is_deleted_at_the_end_of_a_program_and_of_any_other_session(
     runner, left, tmp_path

@@ -134,6 +134,7 @@ def test_a_port_that_another_user_holds_is_noticed(
     assert capsys.readouterr().err == line * is_left
 
 
+@pytest.mark.processes
 def test_nodes_of_two_users_get_each_others_messages(another_user, domain, tmp_path):
     (tmp_path / 'talk.py').write_text(TALK)
     variables = {k: v for k, v in os.environ.items() if k not in VARIABLES}

@@ -311,6 +311,7 @@ def test_machine_without_numba_falls_back_or_names_the_package(monkeypatch):
         PixelArray(event_threshold=0.1, backend='numba').update(0, [1.0])
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     'variables',
     [

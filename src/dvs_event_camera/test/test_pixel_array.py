@@ -55,6 +55,7 @@ def test_reference_stays_within_one_threshold_of_the_luminosity(levels, h, base,
     assert np.allclose(array.reference_levels, np.log(q0) + total * h * math.log(base))
 
 
+@pytest.mark.ensemble
 @given(
     st.lists(
         st.one_of(st.floats(-2, 2), st.sampled_from([0.0, 0.05, -0.05, 0.0499, -0.0499, 1e-9])),

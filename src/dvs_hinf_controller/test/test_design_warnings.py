@@ -304,6 +304,7 @@ def test_json_has_what_the_text_has_in_numbers_that_json_has(values, tmp_path, c
     assert (found['in_the_limit']['error'] is None) == bool(values.get('threshold_uncertainty'))
 
 
+@pytest.mark.ensemble
 def test_bounds_and_figures_are_those_of_the_pixels_that_are_used(tmp_path, capsys):
     """A dark pixel that is masked darkens nothing."""
     values = {'set_point': [0.0124, -0.005], 'set_point_tolerance': 1.0, 'event_threshold': 1e-3}

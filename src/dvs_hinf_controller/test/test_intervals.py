@@ -129,6 +129,7 @@ def assert_contains_the_truth(sensor):
 HAPPENINGS = ['events'] * 5 + ['lost', 'keyframe', 'anchor', 'late anchor', 'restart', 'forget']
 
 
+@pytest.mark.ensemble
 @settings(max_examples=300, deadline=None)
 @given(
     data=st.data(),

@@ -221,6 +221,7 @@ def test_the_oldest_go_when_there_are_many(folder, monkeypatch):
     assert sorted(file.stat().st_mtime for file in folder.iterdir()) == [2, 3, 4]
 
 
+@pytest.mark.ensemble
 def test_a_change_of_the_code_finds_every_design_anew(folder, tmp_path):
     source = tmp_path / 'source'
     for package in ('dvs_common', 'dvs_hinf_controller'):

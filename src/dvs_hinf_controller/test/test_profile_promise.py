@@ -120,6 +120,7 @@ def test_light_is_promised_up_to_where_the_steepest_secant_reaches_darkness(stra
     )
 
 
+@pytest.mark.ensemble
 def test_groups_of_pixels_share_a_profile(tmp_path):
     rows = {
         'output_vector': [1.0, 0.0, 0.0, 1.0],

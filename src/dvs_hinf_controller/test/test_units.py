@@ -46,6 +46,7 @@ def converted(
     )
 
 
+@pytest.mark.ensemble
 @pytest.mark.parametrize('method', ['unstructured', 'certified'])
 @pytest.mark.parametrize(
     'units',
@@ -188,6 +189,7 @@ def test_a_plant_of_many_states_has_a_certified_design(problem_of) -> None:
     assert thresholds['certified'] >= max(thresholds.values()) > 0
 
 
+@pytest.mark.ensemble
 @pytest.mark.parametrize('method', ['unstructured', 'structured', 'certified'])
 def test_a_state_may_have_any_unit_where_the_error_weighs_it(paper_problem, method) -> None:
     """W = 1/unit of each state: the same question, though A and B spread over twelve decades."""

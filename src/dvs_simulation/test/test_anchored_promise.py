@@ -144,6 +144,7 @@ def test_no_threshold_within_its_error_and_no_anchor_within_its_own_breaks_the_p
     assert max(errors) > 0.15 * promised.objective.tolerance
 
 
+@pytest.mark.ensemble
 def test_no_interval_of_a_run_opens_farther_than_the_promise_counts_with(runs, promised, design):
     problem, h = design.problem, promised.sensor.event_threshold
     held = held_from(problem, design.controller, h)

@@ -36,6 +36,7 @@ def simulate(tmp_path, *options, **parameters):
     return code, json.loads(path.read_text()) if path.exists() else None
 
 
+@pytest.mark.ensemble
 def test_an_exact_run_writes_result_and_figure(tmp_path, capsys):
     code, result = simulate(tmp_path)
     assert code == 0
@@ -148,6 +149,7 @@ def test_a_run_that_ends_in_the_dark_has_broken_off(tmp_path, capsys):
     assert 'mine: NOT regulated: broken off' in capsys.readouterr().out
 
 
+@pytest.mark.ensemble
 def test_what_any_threshold_holds_is_null(tmp_path):
     stable = {'state_matrix': [-1.0, 1.0, 0.0, -2.0], 'settling_time': 0.0, 'duration': 0.5}
     result = exact(tmp_path, 'textbook/flexible_mode', **stable)
