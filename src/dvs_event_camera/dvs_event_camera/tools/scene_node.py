@@ -32,6 +32,9 @@ _USAGE_ERROR = 2
 _RATE = 100.0
 # Longest pause between two looks at the signals and at the subscribers.
 _PATIENCE_S = 0.05
+# A subscriber that the publisher has met may meet it later: discovery asks once a second what was
+# missed.
+_SETTLE_S = 1.2
 # Time for the last frames to arrive before the publisher goes.
 _FAREWELL_S = 5.0
 _ENCODING_OF = {'uint8': 'mono8', 'uint16': 'mono16', 'float32': '32FC1', 'float64': '64FC1'}
@@ -228,6 +231,9 @@ class SceneNode(Node):
             file=sys.stderr,
         )
         while not stop.received and not self._publisher.get_subscription_count():
+            time.sleep(_PATIENCE_S)
+        settled_s = time.monotonic() + _SETTLE_S
+        while not stop.received and time.monotonic() < settled_s:
             time.sleep(_PATIENCE_S)
 
 
