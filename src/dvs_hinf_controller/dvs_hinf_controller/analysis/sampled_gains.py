@@ -202,8 +202,9 @@ class SampledGains:
         if kernel is None:
             infinite = np.full(self._outputs.shape[1], math.inf)
             return self._assembled(infinite, math.inf)
-        norms = lengths_of(kernel.values[:, :, :n])
-        return self._assembled(np.abs(kernel.values).max(axis=(0, 1)), float(norms.max()))
+        values = kernel.values
+        norms = lengths_of(values[:, :, :n])
+        return self._assembled(np.abs(values).max(axis=(0, 1)), float(norms.max()))
 
     def _with_few_nodes(self, with_nodes: Callable[[FloatArray], _Pass]) -> Gains:
         """Gains with as few instants in a period as keep what chords miss within its share.
