@@ -47,6 +47,8 @@ def end_soon(code: int) -> None:
     code
         Exit code of a process that a library keeps.
     """
+    # Once, though a program of the suite and the nodes in it both ask.
+    atexit.unregister(_set_timer)
     atexit.register(_set_timer, code)
 
 

@@ -209,8 +209,7 @@ class SceneNode(Node):
             if options.frames and number >= options.frames:
                 break
             due = start_s + showing.pace * as_seconds(elapsed_ns)
-            while (pause := due - time.monotonic()) > 0 and not stop.received:
-                time.sleep(min(pause, _PATIENCE_S))
+            _pause_until(due, stop)
             if stop.received:
                 return
             pixels, encoding = encoded(frame, options.encoding)
@@ -232,9 +231,12 @@ class SceneNode(Node):
         )
         while not stop.received and not self._publisher.get_subscription_count():
             time.sleep(_PATIENCE_S)
-        settled_s = time.monotonic() + _SETTLE_S
-        while not stop.received and time.monotonic() < settled_s:
-            time.sleep(_PATIENCE_S)
+        _pause_until(time.monotonic() + _SETTLE_S, stop)
+
+
+def _pause_until(due_s: float, stop: StopSignal) -> None:
+    while (pause_s := due_s - time.monotonic()) > 0 and not stop.received:
+        time.sleep(min(pause_s, _PATIENCE_S))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
