@@ -64,6 +64,15 @@ def test_a_report_of_our_bag(bag, tmp_path, capsys):
     assert 'regulated' in capsys.readouterr().out
 
 
+def test_a_second_report_of_a_bag_has_the_same_figures(bag, tmp_path):
+    figures = []
+    for _ in range(2):
+        assert main(['report', str(bag)]) == 0
+        figures.append(page_of(tmp_path / 'report.html')[1].loaded)
+
+    assert figures[0] == figures[1]
+
+
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_a_report_of_a_bag_by_rosbag2(storage, tmp_path, capsys):
     folder = write_like_rosbag2(tmp_path / 'theirs', storage, small_run())

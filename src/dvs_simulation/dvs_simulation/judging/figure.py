@@ -89,11 +89,11 @@ def panel_svg(name: str, trace: Trace, scenario: Scenario, verdict: Verdict) -> 
         Its figures.
     """
     buffer = io.BytesIO()
-    with drawing(_STYLE):
+    # Ids from the panel's name, and no date, so that the same run gives the same bytes.
+    with drawing({**_STYLE, 'svg.hashsalt': name}):
         figure = Figure(figsize=(6.4, 4.0))
         figure.subplots_adjust(left=0.14, right=0.97, bottom=0.125, top=0.91)
         PANELS[name](figure.subplots(), trace, scenario, verdict)
-        # Without a date, so that the same run gives the same bytes.
         figure.savefig(buffer, format='svg', dpi=150, metadata={'Date': None})
     return buffer.getvalue()
 
