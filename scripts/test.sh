@@ -63,3 +63,4 @@ case $which in
 esac
 if [ $which = long ]; then chosen -m long --timeout 0 "$@"; fi
 wait "$types" || fail "mypy has found errors, see above"
+echo "all passed in $((SECONDS / 60)) min $((SECONDS % 60)) s"

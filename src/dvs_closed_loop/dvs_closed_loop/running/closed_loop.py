@@ -5,25 +5,27 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from dvs_closed_loop.bags.bag import read_bag
-from dvs_closed_loop.bags.recorded_run import examine
+from dvs_closed_loop.bags.recorded_run import RecordedRun, examine
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.reported_budgets import reported_budgets
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_closed_loop.running.earlier_results import kept_aside
 from dvs_closed_loop.running.loop_plan import MOVABLE_ROLES, given, loop_plan
 from dvs_closed_loop.running.loop_runner import LoopError, run_loop
-from dvs_closed_loop.running.run_recorder import RECORDED
+from dvs_closed_loop.running.run_recorder import RECORDED, RunRecorder
 from dvs_common.errors import SuiteError
 from dvs_common.node.node_plan import checked_namespace
 from dvs_common.node.session import RosSession, ros_session
 from dvs_common.output_folder import output_folder
 from dvs_common.program import importing
 from dvs_common.scenario.parameters import CONTROLLER
-from dvs_common.scenario.scenario import load_scenario
+from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_common.wire import topics
+from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.trace import IncompleteTraceError, decode_trace
@@ -90,7 +92,7 @@ def run_scenario(
         composed=composed,
         plant_waits=True,
     )
-    design = design_from_scenario(believed.replace(**parameters))
+    promised = Promised.of(design_from_scenario(believed.replace(**parameters)))
     if session.stop.received:
         raise InterruptedEarly
     output_folder(output)
@@ -101,49 +103,76 @@ def run_scenario(
             recorder = run_loop(scenario, plans, bag, session, begin=begin)
         if session.stop.received and not recorder.messages[topics.COMMAND]:
             raise InterruptedEarly
-    reported = reported_budgets(recorder.messages[topics.DIAGNOSTICS], space)
-    promised = Promised.of(design)
-    if not recorder.publishes_states:
-        try:
-            unjudged = without_states(
-                recorder.messages,
-                scenario,
-                name=parameter_file.stem,
-                delta_certified=promised.delta_certified,
-                interrupted=session.stop.received,
-                reported=reported,
-            )
-        except IncompleteTraceError as error:
-            raise LoopError(f'the recording is incomplete: {error}') from None
-        unjudged.save(output / 'result.json')
-        return unjudged
-    bounds = None
-    try:
-        trace = decode_trace(recorder.messages)
-    except IncompleteTraceError as error:
-        # A run that was cut off, or began by itself, may lack an end; any other must be whole.
-        partial = session.stop.received or not recorder.plant_waited
-        recorded = examine(read_bag(bag_path)) if partial else None
-        if recorded is None or recorded.trace is None:
-            raise LoopError(f'the recording is incomplete: {error}') from None
-        trace = recorded.trace
-        bounds = None if recorded.from_start else scenario.model_reference_bounds
-    verdict = judge(
-        trace,
-        scenario,
+    run = _FinishedRun(
+        scenario=scenario,
         name=parameter_file.stem,
         promised=promised,
-        wall_seconds=recorder.wall_seconds,
+        recorder=recorder,
+        reported=reported_budgets(recorder.messages[topics.DIAGNOSTICS], space),
         interrupted=session.stop.received,
-        bounds=bounds,
-        reported=reported,
     )
-    verdict.save(output / 'result.json')
-    # Matplotlib takes longer to load than a loop to start.
-    with importing():
-        from dvs_simulation.judging.figure import save_figure
-    save_figure(trace, scenario, verdict, output / 'figure.png')
-    return verdict
+    try:
+        return run.judged(bag_path, output) if recorder.publishes_states else run.unjudged(output)
+    except IncompleteTraceError as error:
+        raise LoopError(f'the recording is incomplete: {error}') from None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _FinishedRun:
+    """A run that has come to its end, and what its design promised."""
+
+    scenario: Scenario
+    name: str
+    promised: Promised
+    recorder: RunRecorder
+    reported: Sequence[Budget]
+    interrupted: bool
+
+    def unjudged(self, output: Path) -> Unjudged:
+        """Write what is known without the states."""
+        unjudged = without_states(
+            self.recorder.messages,
+            self.scenario,
+            name=self.name,
+            delta_certified=self.promised.delta_certified,
+            interrupted=self.interrupted,
+            reported=self.reported,
+        )
+        unjudged.save(output / 'result.json')
+        return unjudged
+
+    def judged(self, bag_path: Path, output: Path) -> Verdict:
+        """Write the verdict and the figure."""
+        bounds = None
+        try:
+            trace = decode_trace(self.recorder.messages)
+        except IncompleteTraceError:
+            recorded = self._recorded(bag_path)
+            if recorded is None or recorded.trace is None:
+                raise
+            trace = recorded.trace
+            bounds = None if recorded.from_start else self.scenario.model_reference_bounds
+        verdict = judge(
+            trace,
+            self.scenario,
+            name=self.name,
+            promised=self.promised,
+            wall_seconds=self.recorder.wall_seconds,
+            interrupted=self.interrupted,
+            bounds=bounds,
+            reported=self.reported,
+        )
+        verdict.save(output / 'result.json')
+        # Matplotlib takes longer to load than a loop to start.
+        with importing():
+            from dvs_simulation.judging.figure import save_figure
+        save_figure(trace, self.scenario, verdict, output / 'figure.png')
+        return verdict
+
+    def _recorded(self, bag_path: Path) -> RecordedRun | None:
+        """What the bag has of a run that was cut off, or began by itself; others must be whole."""
+        may_lack_an_end = self.interrupted or not self.recorder.plant_waited
+        return examine(read_bag(bag_path)) if may_lack_an_end else None
 
 
 def _parser() -> argparse.ArgumentParser:

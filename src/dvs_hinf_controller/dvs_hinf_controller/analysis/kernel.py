@@ -185,10 +185,10 @@ class _Sampler:
         flow, x, block = self.flow, self.starts, _BLOCK
         times, states, count = [np.zeros(1)], [x[None]], 1
         error, total, last = np.zeros(1 + self.outputs.shape[1]), 0.0, math.nan
-        powers: FloatArray | None = None
+        powers = np.empty((0, len(x), len(x)))
         limit = min(_MAX_NODES, _MAX_VALUES // max(x.size, 1))
         while count < limit:
-            size, tail = self._smallest(Bound.size, x), self._smallest(Bound.tail, x)
+            size, tail = self._smallest(Bound.size_and_tail, x)
             if tail[0] * flow.per_second <= (1 - _QUADRATURE_SHARE) * truncation * total:
                 return _Path(
                     times=np.concatenate(times),
@@ -204,8 +204,7 @@ class _Sampler:
             )
             step = flow.step(allowed)
             block = min(2 * block, _LONGEST_BLOCK) if step.length == last else _BLOCK
-            if powers is None or step.length != last or len(powers) != block:
-                powers = _powers(step.transition, block)
+            powers = _powers(powers if step.length == last else step.transition[None], block)
             last = step.length
             path = powers @ x
             x = path[-1]
@@ -242,9 +241,8 @@ def _columns(outputs: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.swapaxes(outputs, 1, 2))
 
 
-def _powers(matrix: FloatArray, count: int) -> FloatArray:
-    """Powers 1 to `count`, a power of two, shape (count, size, size)."""
-    powers = matrix[None]
+def _powers(powers: FloatArray, count: int) -> FloatArray:
+    """Powers of a matrix from 1 to `count`, a power of two, out of the first of them."""
     while len(powers) < count:
         powers = np.concatenate([powers, powers @ powers[-1]])
     return powers

@@ -234,13 +234,10 @@ class SampledGains:
         weights = np.zeros(nodes.size)
         weights[1:] += cells / 2
         weights[:-1] += cells / 2
-        totals = [
-            bound.size(curves, weights) + self._flow.per_second * bound.tail(curves, weights)
-            for bound in self._bounds
-        ]
-        if not totals:
+        if not self._bounds:
             return np.full(1 + self._outputs.shape[1], math.inf)
-        return np.asarray(np.min(totals, axis=0))
+        found = np.array([bound.size_and_tail(curves, weights) for bound in self._bounds])
+        return np.asarray(np.min(found[:, 0] + self._flow.per_second * found[:, 1], axis=0))
 
     def _pass(
         self, columns: FloatArray, weights: FloatArray, slop: FloatArray, direct: _Direct

@@ -49,8 +49,8 @@ class Bound:
         """
         return np.asarray(self.gains @ (self._magnitudes(columns) @ weights))
 
-    def tail(self, columns: FloatArray, weights: FloatArray) -> FloatArray:
-        """Bound of its integral over all later times, shape (1 + p,).
+    def size_and_tail(self, columns: FloatArray, weights: FloatArray) -> FloatArray:
+        """The same, and below it a bound of its integral over all later times, shape (2, 1 + p).
 
         Parameters
         ----------
@@ -59,7 +59,8 @@ class Bound:
         weights
             Shape (S,).
         """
-        return np.asarray((self.gains / self.rates) @ (self._magnitudes(columns) @ weights))
+        seen = self._magnitudes(columns) @ weights
+        return np.stack([self.gains @ seen, (self.gains / self.rates) @ seen])
 
     def _magnitudes(self, columns: FloatArray) -> FloatArray:
         y = np.abs(self.coordinates @ columns)
