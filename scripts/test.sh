@@ -55,10 +55,11 @@ case $which in
         ;;
     *)
         chosen -m 'not wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 3)" "$@"
-        # These alone on the machine; to collect all others again takes longer than some of them.
-        alone=("$@")
-        [ $# -gt 0 ] || mapfile -t alone < <(grep -rlw wall_clock --include='test_*.py' test src)
-        chosen -m 'wall_clock and not long' "${again[@]}" "${alone[@]}"
+        # These need half a processor each, and at once: one a processor. To collect all others again
+        # takes longer than some of them.
+        timed=("$@")
+        [ $# -gt 0 ] || mapfile -t timed < <(grep -rlw wall_clock --include='test_*.py' test src)
+        chosen -m 'wall_clock and not long' "${again[@]}" "${together[@]}" -n "$(workers 1)" "${timed[@]}"
         ;;
 esac
 if [ $which = long ]; then chosen -m long --timeout 0 "$@"; fi
