@@ -1,8 +1,24 @@
 """/diagnostics: each level is reached, for a reason."""
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from loop_support import UNHURRIED, operating, ros_arguments, start, stop
+import subprocess
+import sys
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from loop_support import UNHURRIED, environment, operating, ros_arguments, start, stop
+
+# A controller whose certificate cannot be worked out, for pixels that it is not designed for.
+WITHOUT_CERTIFICATE = """
+import numpy as np
+from dvs_hinf_controller.design import live_certificate
+from dvs_hinf_controller.hinf_controller_node import main
+
+def measure(problem, controller):
+    raise np.linalg.LinAlgError('SVD did not converge')
+
+live_certificate.measure = measure
+live_certificate.unmasked = lambda count, masked: np.arange(count) > 0
+main()
+"""
 NODES = ('plant_sim', 'event_camera', 'hinf_controller')
 
 
@@ -72,6 +88,34 @@ def test_a_threshold_above_h_certified_is_a_warning(domain, processes):
         assert reaches(
             operator, messages, 'hinf_controller', DiagnosticStatus.WARN, 'not certified'
         )
+
+
+def test_a_certificate_that_cannot_be_worked_out_is_named_and_the_loop_goes_on(domain, processes):
+    controller = subprocess.Popen(
+        [sys.executable, '-c', WITHOUT_CERTIFICATE],
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    processes.append(controller)
+    with operating(domain) as operator:
+        messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
+
+        def told():
+            status = latest(messages, 'hinf_controller')
+            return {} if status is None else values(status)
+
+        assert operator.spin_until(
+            lambda: told().get('h_certified') == 'none: SVD did not converge'
+        )
+        assert told()['h <= h_certified'] == 'none: SVD did not converge'
+        # It goes on reporting.
+        messages.clear()
+        assert operator.spin_until(lambda: len(messages) > 1)
+    code, output = stop(controller)
+    assert code == 0
+    assert 'no certificate of the pixels that are left: SVD did not converge' in output
 
 
 def test_luminosity_without_logarithm_is_an_error(domain, processes):

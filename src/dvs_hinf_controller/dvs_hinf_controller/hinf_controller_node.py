@@ -31,7 +31,7 @@ from dvs_common.wire.events import (
 from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
-from dvs_hinf_controller.design.design import Design, DesignFigures, design_from_scenario
+from dvs_hinf_controller.design.design import Design, design_from_scenario
 from dvs_hinf_controller.design.design_warnings import RunningLoop, darkness_warnings
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.design.start_up import start_up_report
@@ -49,8 +49,6 @@ _STALE_S = 2.0
 # Time without any known reference after which `unknown_references: stop` stops.
 _BLIND_S = 2.0
 _UNKNOWN_REFERENCES = 4
-# Of the pixels that are used now.
-_NOT_YET = 'being worked out'
 # Of an estimate.
 _BYTES_A_PIXEL = 24
 
@@ -316,12 +314,14 @@ class HinfControllerNode(ManagedNode):
 
     def health(self) -> Health:
         """Rates, estimator and thresholds; see `ManagedNode.health`."""
-        h = self._controller.event_threshold
         references = self._controller.references
-        used = references.health.healthy
-        is_seen = self._design.problem.sees_all_groups(used)
-        figures = self._certificate.of(used) if is_seen else None
-        budget = self._controller.read_budget(figures.delta_certified if figures else 0.0)
+        live = self._certificate.of(references.health.healthy)
+        if live.error is not None:
+            self.get_logger().error(
+                f'no certificate of the pixels that are left: {live.error}',
+                throttle_duration_sec=10.0,
+            )
+        budget = self._controller.read_budget(live.delta_certified)
         event_rate = self._event_rate.read(self._events)
         limiter = self._controller.limiter
         return Health(
@@ -342,24 +342,10 @@ class HinfControllerNode(ManagedNode):
                 'age of events [s]': f'{self.silence_s(topics.EVENTS):.3f}',
                 'commands at command_limit': limiter.limited if limiter else 0,
                 'commands at command_rate_limit': limiter.slowed if limiter else 0,
-                'h': h,
-                'h* (published)': figures.h_star if figures else _NOT_YET,
-                'h_certified': figures.h_certified if figures else _NOT_YET,
+                **live.values(self._controller.event_threshold),
                 **budget.figures,
-                'h <= h*': h <= figures.h_star if figures else _NOT_YET,
-                'h <= h_certified': h <= figures.h_certified if figures else _NOT_YET,
             },
         )
-
-    def _live_figures(self) -> DesignFigures | None:
-        try:
-            return self._certificate.of(self._controller.references.health.healthy)
-        # The loop goes on without a certificate.
-        except Exception as error:
-            self.get_logger().error(
-                f'no certificate of the pixels that are left: {error}', throttle_duration_sec=10.0
-            )
-            return None
 
     def _troubles(self, budget: Budget) -> list[Trouble]:
         troubles = []

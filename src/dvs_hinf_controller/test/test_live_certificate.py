@@ -87,26 +87,26 @@ def test_a_mask_beyond_the_array_or_of_all_pixels_is_refused(mask):
 
 def settled(certificate, pixels):
     deadline = time.monotonic() + 60
-    while (figures := certificate.of(pixels)) is None:
+    while (live := certificate.of(pixels)).reason == 'being worked out':
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    return figures
+    return live
 
 
 def test_the_certificate_follows_the_pixels_that_are_used(design):
     certificate = LiveCertificate(design)
     everything = np.ones(3, bool)
 
-    assert certificate.of(everything) is design.figures
+    assert certificate.of(everything).figures is design.figures
     # Nothing is certified before it is worked out.
-    assert certificate.of(PIXELS) is None
+    assert certificate.of(PIXELS).delta_certified == 0
     expected = measure(design.problem.of_pixels(PIXELS), design.controller)
-    assert settled(certificate, PIXELS) == expected
+    assert settled(certificate, PIXELS).figures == expected
     assert expected.delta_certified != design.figures.delta_certified
-    assert certificate.of(everything) is design.figures
+    assert certificate.of(everything).figures is design.figures
     # Of several sets in a row the last one counts.
     certificate.of(np.array([True, True, False]))
-    assert settled(certificate, PIXELS) == expected
+    assert settled(certificate, PIXELS).figures == expected
 
 
 def test_pixels_without_figures_are_named_where_the_certificate_is_read(design, monkeypatch):
@@ -115,8 +115,20 @@ def test_pixels_without_figures_are_named_where_the_certificate_is_read(design, 
 
     monkeypatch.setattr(live_certificate, 'measure', none)
 
-    with pytest.raises(SynthesisError, match='there are none'):
-        settled(LiveCertificate(design), PIXELS)
+    live = settled(LiveCertificate(design), PIXELS)
+
+    assert isinstance(live.error, SynthesisError)
+    assert live.delta_certified == 0
+    shown = live.values(0.1)
+    assert shown.pop('h') == 0.1
+    assert set(shown.values()) == {f'none: {live.error}'}
+
+
+def test_a_pixel_group_without_a_pixel_has_no_figures(design):
+    live = LiveCertificate(design).of(np.zeros(3, bool))
+
+    assert live.delta_certified == 0
+    assert 'pixel group' in live.values(0.1)['h_certified']
 
 
 ENDLESS = """
@@ -134,7 +146,7 @@ def measure(problem, controller):
 
 live_certificate.measure = measure
 certificate = live_certificate.LiveCertificate(design_from_scenario(Scenario.from_values({})))
-assert certificate.of(np.array([True, False, True])) is None
+assert certificate.of(np.array([True, False, True])).figures is None
 assert begun.wait(30)
 print('the end')
 """

@@ -13,6 +13,50 @@ from numpy.typing import NDArray
 from dvs_hinf_controller.design.design import Design, DesignFigures, measure
 from dvs_hinf_controller.problem import unmasked
 
+_NOT_YET = 'being worked out'
+_UNSEEN = 'none: no pixel of a pixel group is left'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveFigures:
+    """Figures of the pixels that are used now, or why there are none.
+
+    Parameters
+    ----------
+    figures
+        None where there are none, or not yet.
+    reason
+        Why.
+    error
+        What went wrong while they were worked out.
+    """
+
+    figures: DesignFigures | None = None
+    reason: str = ''
+    error: Exception | None = None
+
+    @property
+    def delta_certified(self) -> float:
+        """Certified uncertainty; 0 where nothing is known."""
+        return self.figures.delta_certified if self.figures else 0.0
+
+    def values(self, h: float) -> dict[str, object]:
+        """What diagnostics show, by its name there.
+
+        Parameters
+        ----------
+        h
+            Event threshold that is in use.
+        """
+        figures, why = self.figures, self.reason
+        return {
+            'h': h,
+            'h* (published)': figures.h_star if figures else why,
+            'h_certified': figures.h_certified if figures else why,
+            'h <= h*': h <= figures.h_star if figures else why,
+            'h <= h_certified': h <= figures.h_certified if figures else why,
+        }
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Measurement:
@@ -41,28 +85,29 @@ class LiveCertificate:
         self._designed_for = unmasked(design.problem.scene.pixel_count, masked)
         self._last: _Measurement | None = None
 
-    def of(self, healthy: NDArray[np.bool_]) -> DesignFigures | None:
-        """Figures of the mean over these pixels; None until they are known.
+    def of(self, healthy: NDArray[np.bool_]) -> LiveFigures:
+        """Figures of the mean over these pixels, as far as they are known.
 
         Parameters
         ----------
         healthy
             Pixels over which the mean goes, shape (r,).
-
-        Raises
-        ------
-        SuiteError
-            If there are none for these pixels.
         """
         if np.array_equal(healthy, self._designed_for):
-            return self._design.figures
+            return LiveFigures(figures=self._design.figures)
+        if not self._design.problem.sees_all_groups(healthy):
+            return LiveFigures(reason=_UNSEEN)
         last = self._last
         if last is not None and not last.figures.done():
-            return None
+            return LiveFigures(reason=_NOT_YET)
         if last is None or not np.array_equal(healthy, last.pixels):
             self._last = self._begin(healthy.copy())
-            return None
-        return last.figures.result()
+            return LiveFigures(reason=_NOT_YET)
+        try:
+            return LiveFigures(figures=last.figures.result())
+        # A certificate that fails, whatever the reason, must not end the loop.
+        except Exception as error:
+            return LiveFigures(reason=f'none: {error}', error=error)
 
     def _begin(self, pixels: NDArray[np.bool_]) -> _Measurement:
         figures: Future[DesignFigures] = Future()
@@ -73,6 +118,6 @@ class LiveCertificate:
         try:
             problem = self._design.problem.of_pixels(pixels)
             figures.set_result(measure(problem, self._design.controller))
-        # Whatever it is, it is raised where the figures are asked for.
+        # Whatever it is, it is told where the figures are asked for.
         except Exception as error:
             figures.set_exception(error)
