@@ -1,16 +1,19 @@
 """What the live page gets: small frames of what is on the streams."""
 
 import json
+import re
+from importlib.resources import files
 
 import numpy as np
 import pytest
 from recording_cases import PERIOD_NS, packet, small_run
 
+from dvs_closed_loop import dashboard
 from dvs_closed_loop.dashboard.live_view import LiveView
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.events import LABELLED_EVENT_DTYPE, EventPacket, pack_events
-from dvs_common.wire.messages import Vector, pack_state
+from dvs_common.wire.messages import Vector, pack_estimate, pack_image, pack_state
 
 SCENARIO = Scenario.from_values({})
 
@@ -130,4 +133,46 @@ def test_a_state_that_is_not_finite_and_events_with_labels_are_shown_all_the_sam
 
     assert frame['state'] == [[0.0, None, None]]
     assert frame['error'] == [[0.0, None]]
+    assert frame['within_tolerance'] is False
     assert len(frame['events']) == 2
+
+
+def judged(estimate_factor=1.0, off=0.0):
+    """Frame of one sample, the estimate off by a factor and the first state by a distance."""
+    held = SCENARIO.equilibrium.state
+    state = Vector(stamp_ns=0, names=('x1', 'x2'), values=held + [off, 0.0])
+    y = SCENARIO.scene.luminosity(SCENARIO.model, held)
+    recorded = [
+        (topics.STATE, 0, pack_state(state)),
+        (topics.LUMINOSITY, 0, pack_image(0, y.reshape(1, 3), '64FC1')),
+        (topics.EVENTS, 0, packet(0, 0, 0)),
+        (topics.ESTIMATE, 0, pack_estimate(0, y * estimate_factor)),
+    ]
+    return frame_of(LiveView(), recorded)
+
+
+def test_a_frame_is_judged_as_a_run_is():
+    delta = sector_bound(SCENARIO.model_reference_bounds)
+    eps = SCENARIO.objective.tolerance
+
+    assert judged(1 + 0.9 * delta)['in_sector'] is True
+    # What five digits show as 1 is beyond the bound all the same.
+    beyond = judged(1 + delta * 1.000001)
+    assert beyond['ratio'] == pytest.approx(1, abs=2e-6)
+    assert beyond['in_sector'] is False
+    assert judged(off=0.9 * eps)['within_tolerance'] is True
+    assert judged(off=1.1 * eps)['within_tolerance'] is False
+
+
+def test_a_frame_without_news_is_not_judged():
+    frame = LiveView().frame(SCENARIO, 0.0)
+
+    assert frame['within_tolerance'] is None and frame['in_sector'] is None
+
+
+def test_the_page_judges_nothing_by_itself():
+    script = files(dashboard).joinpath('web/dashboard.js').read_text()
+    judged_by = re.findall(r"judge\('tile-[a-z]+', (.+)\);", script)
+
+    assert len(judged_by) >= 4
+    assert all(re.fullmatch(r'newest\.\w+|[^<>]+ === 0', verdict) for verdict in judged_by)

@@ -29,7 +29,14 @@ from dvs_common.wire.stamped import stamp_of
 from dvs_event_camera.streams.image_source import parse_luminosity
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.analysis.sector import sector
-from dvs_simulation.judging.measures import error, largest, sector_ratio, silent_below
+from dvs_simulation.judging.measures import (
+    error,
+    kept,
+    largest,
+    regulated,
+    sector_ratio,
+    silent_below,
+)
 
 _SAMPLES_A_FRAME = 12
 _EVENTS_A_FRAME = 400
@@ -146,17 +153,20 @@ class LiveView:
         states = [parse_state(message) for message in _thinned(received[topics.STATE])]
         commands = [parse_command(message) for message in _thinned(received[topics.COMMAND])]
         pixels, samples, ratio = self._pixel_samples(received[topics.LUMINOSITY], estimates)
+        errors = self._errors(states)
         frame: Frame = {
             'restart': restarted,
             'time': self._seconds(self._newest_ns),
             'state': [
                 [self._seconds(v.stamp_ns), *_rounded(v.values[:_STATES_SHOWN])] for v in states
             ],
-            'error': self._errors(states),
+            'error': [[when, _shown(size)] for when, size in errors],
+            'within_tolerance': self._within_tolerance(errors[-1][1] if errors else None),
             'command': [[self._seconds(v.stamp_ns), *_rounded(v.values)] for v in commands],
             'pixels': pixels,
             'samples': samples,
-            'ratio': ratio,
+            'ratio': None if ratio is None else _shown(ratio),
+            'in_sector': None if ratio is None else bool(kept(ratio)),
             **self._event_marks(packets),
             **self._figures(wall_s),
         }
@@ -210,15 +220,20 @@ class LiveView:
 
     # -- signals --------------------------------------------------------------------------------
 
-    def _errors(self, states: list[Any]) -> list[list[float | None]]:
+    def _errors(self, states: list[Any]) -> list[list[float]]:
         held = self._equilibrium
         if held is None:
             return []
         return [
-            [self._seconds(v.stamp_ns), _shown(float(error(v.values, held, self._weights)))]
+            [self._seconds(v.stamp_ns), float(error(v.values, held, self._weights))]
             for v in states
             if v.values.shape == held.state.shape
         ]
+
+    def _within_tolerance(self, newest_error: float | None) -> bool | None:
+        if newest_error is None or self._scenario is None:
+            return None
+        return regulated(newest_error, self._scenario.objective.tolerance)
 
     def _pixel_samples(
         self, luminosities: list[bytes], estimates: list[tuple[bytes, bytes]]
@@ -256,8 +271,7 @@ class LiveView:
         scenario, bound = self._scenario, self._bound
         if scenario is None or bound is None or bound.size not in (1, y.size):
             return None
-        ratio = largest(sector_ratio(y, z, error_bound=bound, dead_band=silent_below(scenario)))
-        return round(ratio, 5) if math.isfinite(ratio) else None
+        return largest(sector_ratio(y, z, error_bound=bound, dead_band=silent_below(scenario)))
 
     def _event_marks(self, packets: list[EventPacket]) -> Frame:
         full = [packet for packet in packets if len(packet.events)]

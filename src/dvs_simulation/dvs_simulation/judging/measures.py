@@ -15,7 +15,7 @@ from dvs_common.scenario.scenario import Scenario
 # The limit superior is read from the last third of a run.
 _SETTLED = 2 / 3
 # Rounding of log, exp and the thresholds; bounds themselves leave no room.
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def kept(ratios: ArrayLike) -> NDArray[np.bool_]:
     ratios
         Of any shape: sector ratios, or errors over the error that was promised.
     """
-    return np.asarray(ratios) <= 1 + _ROUNDING
+    return np.asarray(ratios) <= 1 + ROUNDING
 
 
 def settled_from(duration_s: float) -> float:

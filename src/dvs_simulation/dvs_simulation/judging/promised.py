@@ -15,12 +15,12 @@ from dvs_hinf_controller.design.design import Design
 from dvs_hinf_controller.operation import Operation
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.state_space import StateSpace, state_response
+from dvs_simulation.judging.measures import ROUNDING
 
 _INSTANTS = 200
 # Standard deviations within which a bound takes what has none: draws of every sample or event,
 # and thresholds that are drawn once.
 _NOISE, _FROZEN = 5.0, 3.0
-_ROUNDING = 1e-9
 # Imperfections that are compared with what the design has bounds of, and those that change
 # nothing by themselves. No promise covers any other, nor one that is added.
 _COVERED_PIXELS = ('threshold_mismatch', 'event_threshold_off', 'leak_rate', 'latency', 'jitter')
@@ -131,7 +131,7 @@ def _of_the_plant(scenario: Scenario, problem: DesignProblem, operation: Operati
 def _covers(plant: PlantModel, true: PlantModel, uncertainty: float) -> bool:
     return all(
         true_entries.shape == entries.shape
-        and np.all(np.abs(true_entries - entries) <= np.abs(entries) * (uncertainty + _ROUNDING))
+        and np.all(np.abs(true_entries - entries) <= np.abs(entries) * (uncertainty + ROUNDING))
         for true_entries, entries in (
             (true.state_matrix, plant.state_matrix),
             (true.input_matrix, plant.input_matrix),
@@ -140,7 +140,7 @@ def _covers(plant: PlantModel, true: PlantModel, uncertainty: float) -> bool:
 
 
 def _of_disturbances(scenario: Scenario, operation: Operation) -> str:
-    given, room = scenario.disturbance, 1 + _ROUNDING
+    given, room = scenario.disturbance, 1 + ROUNDING
     if given.state_disturbance:
         return 'state_disturbance'
     noise, load = _NOISE * given.input_disturbance, np.abs(scenario.constant_load)
@@ -170,10 +170,10 @@ def _of_the_pixels(scenario: Scenario, operation: Operation) -> str:
         return 'reset: level'
     if scenario.sensor.photoreceptor == 'lin_log':
         return 'photoreceptor: lin_log'
-    room, drawn = 1 + _ROUNDING, _FROZEN * pixels.threshold_mismatch
+    room, drawn = 1 + ROUNDING, _FROZEN * pixels.threshold_mismatch
     off = pixels.event_threshold_off / scenario.sensor.event_threshold or 1.0
     farthest_off = max(abs(off * (1 + drawn) - 1), abs(off * (1 - drawn) - 1))
-    if drawn > bounds.threshold_on * room or farthest_off > bounds.threshold_off + _ROUNDING:
+    if drawn > bounds.threshold_on * room or farthest_off > bounds.threshold_off + ROUNDING:
         return 'threshold_mismatch or event_threshold_off is beyond threshold_uncertainty'
     if pixels.leak_rate > bounds.leak:
         return 'leak_rate is beyond leak_uncertainty'

@@ -18,6 +18,7 @@ from dvs_common.writing import write_text
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_simulation.judging.measures import (
+    ROUNDING,
     Judgement,
     error,
     largest,
@@ -31,8 +32,6 @@ from dvs_simulation.judging.promised import Promised
 from dvs_simulation.judging.run_budget import run_budget
 from dvs_simulation.judging.trace import Trace
 from dvs_simulation.judging.words import outcome_word, threshold_or_null, threshold_text
-
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -358,7 +357,7 @@ def _saturated(trace: Trace, scenario: Scenario) -> int:
     limited = np.any(np.abs(trace.commands) >= scenario.command_limit, axis=1)
     change = np.abs(np.diff(trace.commands, axis=0))
     most = np.diff(trace.times_s)[:, None] * scenario.command_rate_limit
-    limited[1:] |= np.any(change >= most * (1 - _ROUNDING), axis=1)
+    limited[1:] |= np.any(change >= most * (1 - ROUNDING), axis=1)
     return int(np.count_nonzero(limited))
 
 

@@ -43,7 +43,9 @@ function take(frame) {
     if (old > 500 || old === list.length) list.splice(0, old);
   }
   if (frame.scenario) scenario = frame.scenario;
-  if (frame.ratio === null) frame.ratio = newest.ratio;
+  for (const last of ['ratio', 'in_sector', 'within_tolerance']) {
+    if (frame[last] === null && !frame.restart) frame[last] = newest[last];
+  }
   if (!frame.pixels.length && newest.pixels) frame.pixels = newest.pixels;
   newest = frame;
   frames += 1;
@@ -379,10 +381,10 @@ function showFigures() {
   put('value-time', time.toFixed(2));
   put('value-error', error === null ? '–' : error.toPrecision(3));
   put('value-tolerance', scenario ? `tolerance ε = ${scenario.tolerance}` : 'set-point unknown');
-  judge('tile-error', error === null || !scenario ? null : error < scenario.tolerance);
+  judge('tile-error', newest.within_tolerance);
   const { ratio } = newest;
   put('value-ratio', ratio === undefined || ratio === null ? '–' : ratio.toFixed(3));
-  judge('tile-ratio', ratio === undefined || ratio === null ? null : ratio <= 1 + 1e-9);
+  judge('tile-ratio', newest.in_sector);
   if (newest.certificate) {
     const [word, budget] = newest.certificate.split(': ');
     put('value-certificate', newest.certified ? 'holds' : 'none');
