@@ -27,8 +27,9 @@ scripts/run.sh .venv/bin/python -c 'from dvs_event_camera import EventCamera, Ev
 
 `scripts/setup.sh` puts it all on the path of `scripts/run.sh`. Without that, plain `pip` installs
 any of the cores from its folder, and those that it needs from the folders beside it; they need
-NumPy, SciPy, PyYAML and tqdm, and neither ROS nor colcon. Extras add what is optional, `numba`
-(compiled kernels), `plot` (figures), `sweep` (studies on Dask) and, on x86_64, `ros` (the nodes):
+NumPy, SciPy, PyYAML, tqdm and Jinja2 at most, and neither ROS nor colcon. Extras add what is
+optional, `numba` (compiled kernels), `plot` (figures), `sweep` (studies on Dask) and, on x86_64,
+`ros` (the nodes):
 
 ```console
 $ pip install src/dvs_event_camera               # with dvs_common

@@ -1,6 +1,7 @@
 """Recording and replay with real processes; replayed events give the recorded commands."""
 
 import os
+import re
 import subprocess
 import time
 from itertools import pairwise
@@ -30,7 +31,7 @@ from dvs_closed_loop.bags.recorded_run import examine
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.bags.streams import STREAMS
 from dvs_common.wire import topics
-from dvs_common.wire.events import parse_events
+from dvs_common.wire.events import LABELLED_EVENT_DTYPE, EventPacket, pack_events, parse_events
 from dvs_common.wire.messages import pack_clock, parse_command
 from dvs_common.wire.stamped import stamp_of
 from dvs_hinf_controller.analysis.sector import sector
@@ -135,11 +136,12 @@ def test_a_running_loop_is_recorded_until_ctrl_c_and_reported(domain, processes,
 
 def test_duration_ends_a_recording_and_the_bag_is_not_overwritten(domain, tmp_path):
     command = [program('dvs_closed_loop'), 'record', str(tmp_path / 'bag'), '--duration', '0.3']
+    command += ['--topics', topics.COMMAND]
     first = subprocess.run(command, env=environment(domain), capture_output=True, text=True)
     second = subprocess.run(command, env=environment(domain), capture_output=True, text=True)
 
     assert first.returncode == 0, first.stderr
-    assert 'nothing received' in first.stdout
+    assert first.stdout.endswith('nothing received\n')
     assert second.returncode == 2
     assert 'is not overwritten' in second.stderr
     assert 'Traceback' not in second.stderr
@@ -216,14 +218,24 @@ def test_streams_on_demand_are_recorded_by_name(domain, processes, tmp_path):
             lambda: all(p.get_subscription_count() for p in publishers.values())
         )
         # The recorder may be matched a moment later than we know of it.
-        for _ in range(20):
-            for name in named:
+        label = np.zeros(1, LABELLED_EVENT_DTYPE)
+        for k in range(20):
+            # Of two events one is lost.
+            label['index'] = 2 * k
+            publishers[topics.EVENTS_LABEL].publish(
+                pack_events(EventPacket(stamp_ns=k, events=label))
+            )
+            for name in named[1:]:
                 publishers[name].publish(b'\x00\x01\x00\x00' + bytes(64))
             driver.spin_until(lambda: False, timeout_s=0.1)
         lines_until(recorder, [f'receives {name}' for name in named])
         code, output = stop(recorder)
 
     assert code == 0, output
+    events, lost, gaps = map(
+        int, re.search(r'(\d+) events, (\d+) EVENTS LOST in (\d+) gaps', output).groups()
+    )
+    assert events > 1 and lost == gaps == events - 1
     with (bag / 'bag.mcap').open('rb') as file:
         found = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
     assert found == {f'/{name}' for name in named}

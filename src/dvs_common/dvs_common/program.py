@@ -126,9 +126,28 @@ def _exit_code(module: str) -> int:
             print(f'{_program()}: /dev/shm is full, and ROS needs some of it', file=sys.stderr)
             return 1
         print(
-            f'{_program()}: needs the package {missing}, which is not installed', file=sys.stderr
+            f'{_program()}: needs the package {missing}, which is not installed'
+            f'{_extra_with(missing, module)}',
+            file=sys.stderr,
         )
         return 1
+
+
+def _extra_with(missing: str, module: str) -> str:
+    """Which extra of our packages has a package, that of the program's own first."""
+    from importlib.metadata import distributions
+
+    own = module.partition('.')[0]
+    needs: dict[str, list[str]] = {}
+    for one in distributions():
+        if (name := (one.name or '').replace('-', '_')).startswith('dvs_'):
+            needs.setdefault(name, one.requires or [])
+    for name in sorted(needs, key=lambda name: (name != own, name)):
+        for requirement in needs[name]:
+            extra = re.match(rf'(?:[\w-]*-)?{missing}\b.*extra == [\'"](\w+)', requirement)
+            if extra and extra[1] != 'test':
+                return f'; it comes with {name}[{extra[1]}]'
+    return ''
 
 
 @contextmanager

@@ -63,6 +63,30 @@ def test_a_package_that_is_not_installed_is_named_in_one_line(tmp_path):
         assert (result.returncode, result.stderr) == (1, expected)
 
 
+@pytest.mark.parametrize(
+    ('missing', 'extra'),
+    [('matplotlib', 'dvs_simulation[plot]'), ('rclpy', 'dvs_simulation[ros]'), ('numpy', '')],
+)
+def test_the_extra_that_brings_a_missing_package_is_named(missing, extra, tmp_path):
+    metadata = tmp_path / 'dvs_simulation-0.1.0.dist-info' / 'METADATA'
+    metadata.parent.mkdir()
+    metadata.write_text(
+        'Metadata-Version: 2.1\nName: dvs_simulation\nVersion: 0.1.0\nRequires-Dist: numpy\n'
+        'Requires-Dist: matplotlib>=3.6; extra == "plot"\n'
+        'Requires-Dist: ros-jazzy-rclpy[fastrtps]==7.1.6; extra == "ros"\n'
+    )
+    (tmp_path / 'dvs_simulation').mkdir()
+    (tmp_path / 'dvs_simulation' / '__init__.py').write_text('')
+    (tmp_path / 'dvs_simulation' / 'tool.py').write_text(
+        f'raise ModuleNotFoundError(name={missing!r})\n'
+    )
+
+    result = run('dvs_simulation.tool', tmp_path)
+
+    said = f'tool: needs the package {missing}, which is not installed'
+    assert result.stderr == f'{said}; it comes with {extra}\n' if extra else f'{said}\n'
+
+
 def test_a_module_of_ours_that_is_missing_is_a_fault_with_its_traceback(tmp_path):
     (tmp_path / 'at_once.py').write_text('import dvs_made_up\n')
 

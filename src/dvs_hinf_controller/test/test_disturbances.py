@@ -12,7 +12,8 @@ from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_hinf_controller.analysis.promise import Promise
 from dvs_hinf_controller.analysis.static_gains import StaticGains
 from dvs_hinf_controller.design.design import design_from_scenario
-from dvs_hinf_controller.design.pareto import COLUMNS, ParetoPoint, pareto, save_pareto
+from dvs_hinf_controller.design.pareto import ParetoPoint, pareto
+from dvs_hinf_controller.design.pareto_figure import COLUMNS, save_pareto
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.sector_means import Sectors
 from dvs_hinf_controller.synthesis.options import DesignOptions

@@ -45,6 +45,10 @@ class BagRecorder:
         self._bag = bag
         self.counts = {stream.topic: 0 for stream in streams}
         self.index = IndexWatch()
+        # Both have the same events under the same numbers.
+        self.watched = next(
+            (t for t in (topics.EVENTS, topics.EVENTS_LABEL) if t in self.counts), ''
+        )
         self.failure: BagFullError | None = None
         self._last_ns = 0
         self._subscriptions: dict[Stream, Subscription] = {}
@@ -130,7 +134,7 @@ class BagRecorder:
                 self.failure = error
                 return
             self.counts[stream.topic] += 1
-            if stream.topic == topics.EVENTS:
+            if stream.topic == self.watched:
                 self._watch(message)
 
         return keep

@@ -113,13 +113,16 @@ def run(options: argparse.Namespace) -> int:
 
 def _summary(recorder: BagRecorder, path: Path) -> str:
     counts = ', '.join(f'{topic} {count}' for topic, count in recorder.counts.items() if count)
+    written = f'{path}/: {counts or "nothing received"}'
+    if not recorder.watched:
+        return written
     index = recorder.index
     losses = f'{index.lost} EVENTS LOST in {index.gaps} gaps' if index.lost else 'no event lost'
     if index.restarts:
         losses += f'; the camera started again ({index.restarts} times)'
     if index.first_index:
         losses += f'; the recording began at event {index.first_index}'
-    return f'{path}/: {counts or "nothing received"}\n  {index.events} events, {losses}'
+    return f'{written}\n  {index.events} events, {losses}'
 
 
 class _Progress:

@@ -7,7 +7,7 @@ import dataclasses
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,6 @@ from dvs_common.output_folder import output_file
 from dvs_common.scenario.parameters import CONTROLLER
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_hinf_controller.analysis.margins import margins
-from dvs_hinf_controller.design.bode_figure import save_bode_figure
 from dvs_hinf_controller.design.design import (
     Design,
     design_from_scenario,
@@ -31,7 +30,7 @@ from dvs_hinf_controller.design.design_warnings import (
     design_warnings,
 )
 from dvs_hinf_controller.design.figure_words import threshold_words
-from dvs_hinf_controller.design.pareto import UNITS, ParetoPoint, pareto, save_pareto
+from dvs_hinf_controller.design.pareto import UNITS, ParetoPoint, pareto
 from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.methods import method_names
@@ -115,12 +114,13 @@ def _run(options: argparse.Namespace) -> None:
     if options.pareto:
         _pareto(scenario, options.pareto)
         return
+    save_figure = _bode_figure() if options.figure else None
     designs = _compared(scenario) if options.compare else [design_from_scenario(scenario)]
     masked = scenario.uncertainty.pixel_mask
     used = [design.without_pixels(masked) for design in designs]
     _print(used, scenario, as_json=options.json, as_list=options.compare)
-    if options.figure:
-        save_bode_figure(designs, options.figure)
+    if save_figure is not None:
+        save_figure(designs, options.figure)
         print(f'Bode figure: {options.figure}', file=sys.stderr)
     if options.output:
         name = f'{Path(options.params_file).stem}-{designs[0].method}.json'
@@ -129,7 +129,17 @@ def _run(options: argparse.Namespace) -> None:
         print(f'design: {path}', file=sys.stderr)
 
 
+def _bode_figure() -> Callable[[Sequence[Design], Path], None]:
+    """What draws it: matplotlib takes as long to load as all else, and may be missing."""
+    from dvs_hinf_controller.design.bode_figure import save_bode_figure
+
+    return save_bode_figure
+
+
 def _pareto(scenario: Scenario, path: Path) -> None:
+    # A missing matplotlib is told before the designs.
+    from dvs_hinf_controller.design.pareto_figure import save_pareto
+
     points: list[ParetoPoint] = []
     for point in pareto(scenario):
         if not points:

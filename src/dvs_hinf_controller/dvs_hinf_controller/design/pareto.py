@@ -1,26 +1,20 @@
-"""What h costs: h_certified against period, latency and bandwidth, as table and figure."""
+"""What h costs: h_certified against period, latency and bandwidth."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from dvs_common.drawing import Figure, drawing
 from dvs_common.errors import ParameterError
 from dvs_common.scenario.scenario import Scenario
-from dvs_common.writing import whole_file, write_text
 from dvs_hinf_controller.design.design import design_from_scenario
 from dvs_hinf_controller.problem import DesignProblem
 from dvs_hinf_controller.synthesis.synthesis_error import SynthesisError
 
 UNITS = {'sampling_period': 's', 'loop_latency': 's', 'bandwidth_limit': 'rad/s'}
-COLUMNS = ('parameter', 'value', 'h_certified', 'h_star', 'fastest_pole', 'slowest_pole')
 # Multiples of the scenario's own period, and of its inverse for the bandwidth.
 _PERIODS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 _LATENCIES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
@@ -105,55 +99,3 @@ def _along(scenario: Scenario, name: str, values: Sequence[float]) -> Iterator[P
             fastest_pole=found.fastest_pole,
             slowest_pole=found.closed_loop_abscissa,
         )
-
-
-def save_pareto(points: Sequence[ParetoPoint], path: Path) -> Path:
-    """Write table and figure; return the file of the figure.
-
-    Parameters
-    ----------
-    points
-        Of `pareto`.
-    path
-        CSV file; the figure lies beside it, as PNG.
-
-    Raises
-    ------
-    WriteError
-        If a file cannot be written.
-    """
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator='\n')
-    table.writerow(COLUMNS)
-    table.writerows([getattr(point, name) for name in COLUMNS] for point in points)
-    write_text(path, text.getvalue())
-    picture = path.with_suffix('.png')
-    with drawing(), whole_file(picture) as draft:
-        _figure(points).savefig(draft, format='png', dpi=120)
-    return picture
-
-
-def _figure(points: Sequence[ParetoPoint]) -> Figure:
-    figure = Figure(figsize=(11, 4), layout='constrained')
-    panels = figure.subplots(1, len(UNITS), sharey=True)
-    for axes, (name, unit) in zip(panels, UNITS.items(), strict=True):
-        mine = [point for point in points if point.parameter == name]
-        values = [point.value for point in mine]
-        for attribute, style, text in (
-            ('h_certified', 'o-', 'h_certified (guaranteed)'),
-            ('h_star', 's--', 'h* (published)'),
-        ):
-            heights = [_shown(getattr(point, attribute)) for point in mine]
-            axes.plot(values, heights, style, label=text)
-        axes.set_xscale('log' if name != 'loop_latency' else 'linear')
-        axes.set(xlabel=f'{name} [{unit}]')
-        axes.grid(alpha=0.3, which='both')
-    panels[0].set(ylabel='event threshold h [log_b units]')
-    panels[0].set_ylim(bottom=0)
-    panels[-1].legend(frameon=False)
-    return figure
-
-
-def _shown(h: float) -> float:
-    """None is drawn as 0, any is not drawn."""
-    return math.nan if h == math.inf else max(h, 0.0)
