@@ -14,9 +14,8 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import PointCloud2
 
-from dvs_common import event_times_ns, parse_events
+from dvs_common import IndexWatch, event_times_ns, parse_events
 from dvs_common.nanoseconds import as_seconds
-from dvs_common.wire.index_watch import IndexWatch
 
 
 class Listener:

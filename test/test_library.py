@@ -146,6 +146,22 @@ def test_the_page_of_the_library_is_not_stale():
     assert check.returncode == 0, check.stderr
 
 
+@pytest.mark.parametrize('core', CORES)
+def test_what_is_exported_is_taught_by_that_name(core):
+    exported = importlib.import_module(core).__all__
+    pages = [ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')]
+    pages += (ROOT / 'examples').glob('**/*.py')
+    pages += (ROOT / 'examples').glob('**/*.ipynb')
+    deep = {
+        (page.name, name)
+        for page in pages
+        for names in re.findall(rf'from {core}\.[\w.]+ import ([\w, ]+)', page.read_text())
+        for name in names.split(', ')
+    }
+
+    assert not [(page, name) for page, name in deep if name in exported]
+
+
 def test_cores_installed_by_pip_simulate_without_ros_and_without_extras(installed):
     absent = BLOCK.format(absent=(*ROS, *EXTRAS))
     use = USE_EVERYTHING.format(cores=CORES, folder=str(installed))

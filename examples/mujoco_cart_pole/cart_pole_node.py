@@ -3,9 +3,9 @@
 
 import cart_pole
 
+from dvs_common import Scenario
 from dvs_common.arrays import FloatArray
 from dvs_common.node.spin import run_nodes
-from dvs_common.scenario.scenario import Scenario
 from dvs_plant_sim.plant_node import PlantNode
 
 

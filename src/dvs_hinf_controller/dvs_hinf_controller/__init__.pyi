@@ -7,6 +7,7 @@ from dvs_hinf_controller.analysis.peak_gain import peak_gains as peak_gains
 from dvs_hinf_controller.analysis.sampling import max_sampling_period as max_sampling_period
 from dvs_hinf_controller.analysis.sector import Sector as Sector
 from dvs_hinf_controller.controller import LinearController as LinearController
+from dvs_hinf_controller.design.certification import farthest_start as farthest_start
 from dvs_hinf_controller.design.design import Design as Design
 from dvs_hinf_controller.design.design import DesignFigures as DesignFigures
 from dvs_hinf_controller.design.design import design_controller as design_controller
