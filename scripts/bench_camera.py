@@ -125,7 +125,7 @@ class Straightforward:
 
 
 def started_pixels(first: np.ndarray, **mode: Any) -> PixelArray:
-    """Pixels in the midst of their life: references anywhere within a threshold of the light."""
+    """Pixels in the midst of an epoch: references anywhere within a threshold of the light."""
     light = first.reshape(-1).astype(np.float64)
     bounds = ReferenceBounds(
         lower=light * np.exp(-0.99 * THRESHOLD), upper=light * np.exp(0.99 * THRESHOLD)

@@ -48,7 +48,7 @@ def ratio(without: Callable[[], Any], with_it: Callable[[], Any], rounds: int) -
     Parameters
     ----------
     without
-        The long way.
+        The general path.
     with_it
         The shortcut.
     rounds

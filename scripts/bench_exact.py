@@ -90,7 +90,7 @@ def by_solve_ivp(loop: ClosedLoop, duration: float, method: str) -> list[tuple[f
             break
         time_now, index = min(hits)
         state = solution.y_events[index][0]
-        # Twins see the same: their roots would lie on the restart, where solve_ivp is blind.
+        # Twins see the same: their roots would lie on the restart, which solve_ivp does not find.
         here = float(c @ state[:n])
         for i in np.flatnonzero(np.abs((lower if index else upper) - here) < _TWIN):
             polarity = -1 if index else 1

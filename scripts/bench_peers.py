@@ -89,7 +89,7 @@ def openeb_updater(clone: Path, first: np.ndarray, threshold: float, *, in_order
     assert spec is not None and spec.loader is not None
     kernel = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(kernel)
-    # In the midst of their life, as ours are: at rest they have fewer events at first.
+    # In the midst of an epoch, as ours are: at rest they have fewer events at first.
     spread = np.random.default_rng(0).uniform(-0.99, 0.99, first.shape)
     references = np.log(first) + threshold * spread
     fired_at = np.zeros(first.shape, np.int32)

@@ -86,7 +86,7 @@ def _run(
     }
     context = multiprocessing.get_context('spawn')
     rates: Queue[list[float]] = context.Queue()
-    listener = context.Process(target=_listen, args=(domain, rates, seconds), daemon=True)
+    listener = context.Process(target=_collect_rates, args=(domain, rates, seconds), daemon=True)
     listener.start()
     try:
         if not rates.get(timeout=2 * _PATIENCE_S):
@@ -114,7 +114,7 @@ def _run(
     }
 
 
-def _listen(domain: int, rates: Queue[list[float]], seconds: float) -> None:
+def _collect_rates(domain: int, rates: Queue[list[float]], seconds: float) -> None:
     """First a rate that the plant reports on /diagnostics, then all those of a while.
 
     A subscriber there does not disturb the loop. An empty list where it makes no cycle.

@@ -86,10 +86,10 @@ def test_all_parameters_are_given_at_once_as_for_ros2_param_dump(domain, process
             answer = operator.call(
                 GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)
             )
-            told = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+            given = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
 
-            assert {spec.name for spec in SCHEMA.of_node(node)} <= set(told)
-            assert None not in told.values()
+            assert {spec.name for spec in SCHEMA.of_node(node)} <= set(given)
+            assert None not in given.values()
 
             # As `ros2 param load` sets a dump: every value again, the fixed ones too.
             request = SetParameters.Request()
@@ -101,7 +101,7 @@ def test_all_parameters_are_given_at_once_as_for_ros2_param_dump(domain, process
             assert [r.reason for r in loaded.results if not r.successful] == []
             refused = operator.set_parameters(node, autostart=False)
             assert 'read-only' in refused.reason
-        assert list(told['reference_lower']) == []
+        assert list(given['reference_lower']) == []
         assert operator.set_parameters('event_camera', display_rate=20.0).successful
         refused = operator.set_parameters('event_camera', reference_lower=[0.1, 0.1])
         assert 'can only change while the node is not active' in refused.reason

@@ -43,7 +43,7 @@ class Rounds:
         node.create_subscription(Image, 'luminosity', self._see, 100)
         node.create_subscription(JointState, 'estimate', self._guess, 100)
         node.create_subscription(JointState, 'state', self._move, 100)
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._feel, 10)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose, 10)
 
     def _see(self, image):
         y = np.frombuffer(image.data, dtype=np.float64)
@@ -55,7 +55,7 @@ class Rounds:
     def _move(self, state):
         self.states.append(np.array(state.position))
 
-    def _feel(self, message):
+    def _diagnose(self, message):
         for status in message.status:
             self.health[status.name.rpartition('/')[2]] = (
                 status.level,

@@ -108,8 +108,11 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
 
         def is_refused():
             status = latest(messages, 'hinf_controller')
-            told = {} if status is None else {v.key: v.value for v in status.values}
-            return told.get('messages refused') == '1' and told['estimator'] == 'no keyframe yet'
+            reported = {} if status is None else {v.key: v.value for v in status.values}
+            return (
+                reported.get('messages refused') == '1'
+                and reported['estimator'] == 'no keyframe yet'
+            )
 
         assert operator.spin_until(is_refused)
         keyframe(0, [0, 0, 0])
@@ -144,9 +147,9 @@ def test_a_refused_keyframe_proves_nothing_and_a_gap_is_asked_about_and_put_righ
 
         def is_masked():
             status = latest(messages, 'hinf_controller')
-            told = {} if status is None else {v.key: v.value for v in status.values}
-            others = told.get('h_certified', 'being worked out')
-            return told.get('pixels masked') == '1' and others not in (
+            reported = {} if status is None else {v.key: v.value for v in status.values}
+            others = reported.get('h_certified', 'being worked out')
+            return reported.get('pixels masked') == '1' and others not in (
                 'being worked out',
                 str(certified),
             )

@@ -8,8 +8,8 @@ from sensor_msgs.msg import Image
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 
-SAYS = {'plant_sim': 'luminosity', 'event_camera': 'events', 'hinf_controller': 'command'}
-NODES = tuple(SAYS)
+PUBLISHES = {'plant_sim': 'luminosity', 'event_camera': 'events', 'hinf_controller': 'command'}
+NODES = tuple(PUBLISHES)
 # What leads from each state to another; all else is refused and changes nothing.
 LEADS_ON = {
     'unconfigured': {'configure'},
@@ -61,7 +61,7 @@ def test_a_node_follows_every_transition_and_repeats_the_cycle(executable, domai
 
 
 def topics_of(operator, executable):
-    return operator.node.count_publishers(SAYS[executable])
+    return operator.node.count_publishers(PUBLISHES[executable])
 
 
 def shuts_down(operator, executable):

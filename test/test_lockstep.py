@@ -49,8 +49,8 @@ def test_all_six_start_orders_give_the_same_bytes(new_domain, processes):
         assert streams == first, order
 
 
-def test_a_restarted_plant_takes_no_latched_command_of_its_former_life(domain, processes):
-    """The former life's commands are latched, from stamp 0 on: each must be asked for anew."""
+def test_a_restarted_plant_takes_no_latched_command_of_an_earlier_run(domain, processes):
+    """The earlier run's commands are latched, from stamp 0 on: each must be asked for anew."""
     samples = 400
     with listening(domain) as listener:
         for executable in ('event_camera', 'hinf_controller'):
@@ -71,7 +71,7 @@ def test_a_restarted_plant_takes_no_latched_command_of_its_former_life(domain, p
         listener.spin_until(lambda: False, timeout_s=1.0)
 
     assert second.returncode == 0, output
-    # The last one of the former life may be sent again to who comes late: it is from the future.
+    # The last one of the earlier run may be sent again to who comes late: it is from the future.
     assert '(2 so far)' not in output
     assert f'finished: {samples} cycles' in output
     answers = {command[:12] for command in set(commands) - {former}}

@@ -115,15 +115,15 @@ def run_for(seconds, folder, domain, processes):
                 and any(stamp_of(e) in count.kept for e in estimates)
             )
         )
-    told = next(k for k in map(parse_keyframe, raw_keyframes) if k.stamp_ns in count.kept)
+    keyframe = next(k for k in map(parse_keyframe, raw_keyframes) if k.stamp_ns in count.kept)
     found = next(e for e in estimates if stamp_of(e) in count.kept)
     stop_all(processes)
 
     assert (count.index.lost, count.index.restarts) == (0, 0)
-    assert np.array_equal(told.counts, count.kept[told.stamp_ns])
+    assert np.array_equal(keyframe.counts, count.kept[keyframe.stamp_ns])
     # The estimate of a controller that knows where the references began, and these counts.
     fresh = event_controller(design_from_scenario(scenario), scenario)
-    fresh.take_keyframe(told)
+    fresh.take_keyframe(keyframe)
     known = fresh.references.intervals
     expected = known.signs * known.first * np.exp(count.kept[stamp_of(found)] * known.log_step)
     assert np.array_equal(np.array(found.position), expected)

@@ -82,7 +82,7 @@ RELATIVES = {
         'test_integer_images_may_be_black',
         'test_camera_without_a_stated_uncertainty_starts_with_any_picture',
         'test_black_pixels_of_a_float_image_hold_and_are_logged_once',
-        'test_meaningless_luminosity_is_counted_and_the_pixel_holds',
+        'test_invalid_luminosity_is_counted_and_the_pixel_holds',
     ),
     '15-joint-names-in-another-order': (
         'test_entries_are_matched_by_name_and_not_by_position',

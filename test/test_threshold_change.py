@@ -60,8 +60,8 @@ def test_the_estimate_stays_in_its_sector_and_a_late_one_finds_it(thresholds, st
         command_limit=np.array([np.inf]),
     )
     late.take(EventPacket(stamp_ns=stamp_ns, events=NO_EVENTS))
-    told = camera.keyframe()
-    late.take_keyframe(parse_keyframe(pack_keyframe(told, height=1, width=3)))
-    assert controller.take_keyframe(told).resynchronised_pixels == 0
+    keyframe = camera.keyframe()
+    late.take_keyframe(parse_keyframe(pack_keyframe(keyframe, height=1, width=3)))
+    assert controller.take_keyframe(keyframe).resynchronised_pixels == 0
     assert controller.synchrony is late.synchrony is Synchrony.EXACT
     np.testing.assert_allclose(late.estimate, controller.estimate, rtol=1e-12)

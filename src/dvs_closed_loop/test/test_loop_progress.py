@@ -16,7 +16,7 @@ class Screen(io.StringIO):
         return True
 
 
-def heard(seconds):
+def received(seconds):
     """What a recorder has after commands at these times."""
     commands = [
         pack_command(Vector(stamp_ns=round(s * 1e9), names=('u1',), values=np.zeros(1)))
@@ -36,11 +36,11 @@ def test_it_waits_and_then_counts_simulated_time(monkeypatch):
     screen = a_screen(monkeypatch)
     progress = LoopProgress(6.0)
     progress.waits_for('plant_sim to answer')
-    progress.update(heard([10.0]))
+    progress.update(received([10.0]))
     assert 'waiting for plant_sim to answer' in screen.getvalue()
     assert 'simulated time' not in screen.getvalue()
 
-    progress.update(heard([10.0, 11.5]))
+    progress.update(received([10.0, 11.5]))
     progress.close()
 
     assert '25% |' in screen.getvalue()
@@ -50,8 +50,8 @@ def test_it_waits_and_then_counts_simulated_time(monkeypatch):
 def test_a_run_may_be_longer_than_planned(monkeypatch):
     screen = a_screen(monkeypatch)
     progress = LoopProgress(6.0)
-    progress.update(heard([0.0, 5.0]))
-    progress.update(heard([0.0, 6.8]))
+    progress.update(received([0.0, 5.0]))
+    progress.update(received([0.0, 6.8]))
     progress.close()
 
     assert '6.80/6.80 s' in screen.getvalue()
@@ -60,7 +60,7 @@ def test_a_run_may_be_longer_than_planned(monkeypatch):
 def test_a_run_without_an_end_has_no_share(monkeypatch):
     screen = a_screen(monkeypatch)
     progress = LoopProgress(0.0)
-    progress.update(heard([0.0, 5.0]))
+    progress.update(received([0.0, 5.0]))
     progress.close()
 
     assert 'simulated time 5.00 s, 1 cycles/s' in screen.getvalue()

@@ -23,7 +23,7 @@ from numba.core import caching
 _FunctionCache: Any = caching.FunctionCache
 _IndexFile: Any = caching.IndexDataCacheFile
 _Function = TypeVar('_Function', bound=Callable[..., Any])
-_told = False
+_has_warned = False
 
 
 class _FolderCache(_FunctionCache):
@@ -42,7 +42,7 @@ class _FolderCache(_FunctionCache):
         try:
             return super().load_overload(*arguments)
         except Exception as error:  # a foreign pickle raises anything
-            _tell(f'cannot be read ({type(error).__name__}: {error})')
+            _warn_once(f'cannot be read ({type(error).__name__}: {error})')
             return None
 
     def save_overload(self, *arguments: Any) -> None:
@@ -50,7 +50,7 @@ class _FolderCache(_FunctionCache):
         try:
             super().save_overload(*arguments)
         except Exception as error:
-            _tell(f'cannot be written ({type(error).__name__}: {error})')
+            _warn_once(f'cannot be written ({type(error).__name__}: {error})')
 
 
 def _folders(function: Callable[..., Any]) -> tuple[Path, ...]:
@@ -84,14 +84,14 @@ def kernel(function: _Function) -> _Function:
     try:
         compiled._cache = _FolderCache(function)
     except RuntimeError as error:  # no place at all, as in a read-only installation
-        _tell(f'has no place ({error})')
+        _warn_once(f'has no place ({error})')
     return cast(_Function, compiled)
 
 
-def _tell(what: str) -> None:
-    global _told
-    if not _told:
-        _told = True
+def _warn_once(what: str) -> None:
+    global _has_warned
+    if not _has_warned:
+        _has_warned = True
         print(
             f'the cache of compiled kernels {what}: compiling again, a few seconds at each start',
             file=sys.stderr,

@@ -42,11 +42,11 @@ def test_a_keyframe_comes_back_as_it_was():
 
 
 def test_unknown_references_travel_without_an_infinity():
-    told = keyframe(lower=np.zeros(PIXELS), upper=np.full(PIXELS, np.inf))
-    message = pack_keyframe(told, height=2, width=3)
+    sent = keyframe(lower=np.zeros(PIXELS), upper=np.full(PIXELS, np.inf))
+    message = pack_keyframe(sent, height=2, width=3)
 
     assert np.isfinite(parse_points(message, KEYFRAME_DTYPE).records['upper']).all()
-    assert_equal(parse_keyframe(message), told)
+    assert_equal(parse_keyframe(message), sent)
 
 
 BAD = {

@@ -115,14 +115,14 @@ def test_each_node_has_its_own_values_and_the_tools_know_whose_count(tmp_path):
         ],
     )
 
-    happens = load_scenario(path)
-    believed = load_scenario(path, node=CONTROLLER)
+    scenario = load_scenario(path)
+    controller = load_scenario(path, node=CONTROLLER)
 
-    assert happens.sensor.event_threshold == 0.2
-    assert happens.plant.initial_state == (0.4821, 0.1572)
-    assert happens.loop.seed == 2
-    assert believed.sensor.event_threshold == 0.1
-    assert believed.plant.initial_state == (0.1, 0.2)
+    assert scenario.sensor.event_threshold == 0.2
+    assert scenario.plant.initial_state == (0.4821, 0.1572)
+    assert scenario.loop.seed == 2
+    assert controller.sensor.event_threshold == 0.1
+    assert controller.plant.initial_state == (0.1, 0.2)
     assert load_scenario(path, node=CAMERA).loop.seed == 1
     with pytest.raises(ParameterError, match=r'event_threshold = 0\.2 for event_camera, 0\.1 for'):
         read_loop_values(path).require_alike()

@@ -96,10 +96,10 @@ class EventCameraNode(ManagedNode):
         self._is_plain = (
             self._labels is None and self._anchor is None and self._map.changes_nothing
         )
-        self._listen(self._frames_qos())
+        self._subscribe(self._frames_qos())
         for topic in (self._source, topics.EVENTS):
             self.expect_one_publisher(topic)
-        self.listen(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
+        self.subscribe(Empty, topics.KEYFRAME_REQUEST, self._answer_request, topics.stream_qos())
 
     def _events_qos(self) -> QoSProfile:
         """Deep in a loop; a camera without a loop has no bound on the size of its packets."""
@@ -120,15 +120,15 @@ class EventCameraNode(ManagedNode):
             return None
         return self.advertise_on_demand(messages.EventPacket, topics.EVENTS_PACKET, qos)
 
-    def _listen(self, qos: QoSProfile) -> None:
+    def _subscribe(self, qos: QoSProfile) -> None:
         if self._scenario.camera.image_reliability == 'best_effort':
             qos.reliability = ReliabilityPolicy.BEST_EFFORT
         if self._scenario.camera.compressed_input:
             self._source = f'{topics.LUMINOSITY}/compressed'
-            self.listen(CompressedImage, self._source, self._take_compressed, qos)
+            self.subscribe(CompressedImage, self._source, self._take_compressed, qos)
         else:
             self._source = topics.LUMINOSITY
-            self.listen(Image, self._source, self._take_image, qos)
+            self.subscribe(Image, self._source, self._take_image, qos)
 
     def activate(self) -> None:
         """Wait for the first sample."""

@@ -90,9 +90,9 @@ class Graph:
 
     def collect(self, message_type, topic, qos, *, raw=True):
         """Messages of a topic, in a list that grows while the graph turns."""
-        heard = []
-        self.node.create_subscription(message_type, topic, heard.append, qos, raw=raw)
-        return heard
+        received = []
+        self.node.create_subscription(message_type, topic, received.append, qos, raw=raw)
+        return received
 
     def turn_until(self, condition, *, act=lambda: None):
         """Let messages come in, calling `act` now and then, until `condition` holds."""

@@ -73,7 +73,7 @@ def test_messages_pass_between_the_borrowed_type_and_the_generated_one(graph, tm
     places = os.pathsep.join([str(python), *(path for path in sys.path if path)])
     loaded = os.pathsep.join([str(libraries), os.environ.get('LD_LIBRARY_PATH', '')])
     graph.start('tools.packet_bridge_node')
-    heard = graph.collect(PointCloud2, 'events', topics.stream_qos())
+    received = graph.collect(PointCloud2, 'events', topics.stream_qos())
     kind = packet_type.event_packet_type()
     assert kind.__module__ == packet_type.__name__
     publisher = graph.node.create_publisher(kind, 'borrowed', 10)
@@ -96,12 +96,12 @@ def test_messages_pass_between_the_borrowed_type_and_the_generated_one(graph, tm
     events = some_events(5)
     message = packet_message(mono_words(events, 0), 'mono', width=640, height=480)
     try:
-        graph.turn_until(lambda: len(heard) == 3)
+        graph.turn_until(lambda: len(received) == 3)
         graph.turn_until(lambda: driver.poll() is not None, act=lambda: publisher.publish(message))
         out, err = driver.communicate(timeout=10)
     finally:
         driver.kill()
 
-    assert [parse_events(bytes(one)).events['x'].tolist() for one in heard] == [[7]] * 3
+    assert [parse_events(bytes(one)).events['x'].tolist() for one in received] == [[7]] * 3
     assert out.split()[:2] == ['640', '480'], err
     assert out.split()[4:] == ['mono', '40']

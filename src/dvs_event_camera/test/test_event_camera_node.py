@@ -35,13 +35,13 @@ MS = 1_000_000
 CAMERA = 'event_camera_node'
 
 
-def feed(graph, heard, publisher, messages):
+def feed(graph, received, publisher, messages):
     """Publish messages one by one, each when the camera has answered the last."""
     graph.turn_until(lambda: publisher.get_subscription_count() > 0)
     for message in messages:
-        before = len(heard)
+        before = len(received)
         publisher.publish(message)
-        graph.turn_until(lambda before=before: len(heard) > before)
+        graph.turn_until(lambda before=before: len(received) > before)
 
 
 def luminosities():
@@ -53,23 +53,23 @@ def luminosities():
 
 
 def test_one_packet_a_sample_and_the_same_bytes_in_every_run(graph):
-    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    received = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     keyframes = graph.collect(PointCloud2, 'keyframe', topics.latched_qos(1))
     anchors = graph.collect(Image, 'anchor', topics.stream_qos())
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     runs = []
     for _ in range(2):
         camera = graph.start(CAMERA, event_threshold=0.1, keyframe_period=0.005, frame_rate=200.0)
-        heard.clear()
+        received.clear()
         messages = list(luminosities())
-        feed(graph, heard, publisher, messages)
+        feed(graph, received, publisher, messages)
         publisher.publish(messages[-1])  # sent again: the same answer
-        graph.turn_until(lambda: len(heard) > 12)
+        graph.turn_until(lambda: len(received) > 12)
         code, _, err = camera.stop()
         assert code == 0, err
         assert 'Traceback' not in err
-        assert bytes(heard[-1]) == bytes(heard[-2])
-        runs.append([bytes(message) for message in heard[:-1]])
+        assert bytes(received[-1]) == bytes(received[-2])
+        runs.append([bytes(message) for message in received[:-1]])
         graph.turn_until(lambda: publisher.get_subscription_count() == 0)
     assert runs[0] == runs[1]
     packets = [parse_events(message) for message in runs[0]]
@@ -102,10 +102,10 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
     camera = graph.start(
         CAMERA, stub=True, event_threshold=0.3, display_rate=1000.0, label_noise='true'
     )
-    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    received = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     grey = np.full((4, 5), 100, np.uint8)
-    feed(graph, heard, publisher, [pack_image(0, grey, 'mono8')])
+    feed(graph, received, publisher, [pack_image(0, grey, 'mono8')])
     pictures = graph.collect(Image, 'event_image', topics.stream_qos())
     sums = graph.collect(Int16MultiArray, 'polarity', topics.stream_qos(), raw=False)
     packets = graph.collect(String, 'events_packet', topics.stream_qos())
@@ -116,7 +116,7 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
 
     def brighter():
         nonlocal stamp
-        if parse_events(bytes(heard[-1])).stamp_ns < stamp:
+        if parse_events(bytes(received[-1])).stamp_ns < stamp:
             return  # a source that outruns its consumers loses frames
         stamp += MS
         grey[1, 2] = 100 if grey[1, 2] == 200 else 200
@@ -142,11 +142,11 @@ def test_subscribers_get_pictures_sums_and_packets_and_a_restart_is_reported(gra
     publisher.publish(b'\x00\x01\x00\x00 rubbish')
     publisher.publish(pack_image(stamp + MS, np.full((2, 2), 50, np.uint8), 'mono8'))
 
-    def told():
+    def is_reported():
         values = {v.key: v.value for m in diagnostics for s in m.status for v in s.values}
         return values.get('restarts') == '1' and values.get('messages refused') == '2'
 
-    graph.turn_until(told)
+    graph.turn_until(is_reported)
     code, _, err = camera.stop(signal.SIGTERM)
     assert code == 0, err
     assert 'from 4 x 5 to 2 x 2' in err
@@ -232,7 +232,7 @@ def test_bridge_takes_a_drivers_packets_and_sends_the_pixels_of_the_loop(graph):
         binning=2,
         masked_pixels='[101, 201]',
     )
-    heard = graph.collect(PointCloud2, 'events', topics.stream_qos())
+    received = graph.collect(PointCloud2, 'events', topics.stream_qos())
     # Found by the same class that is used where event_camera_msgs is not installed.
     kind = event_packet_type()
     publisher = graph.node.create_publisher(kind, 'events_packet', topics.stream_qos())
@@ -246,8 +246,8 @@ def test_bridge_takes_a_drivers_packets_and_sends_the_pixels_of_the_loop(graph):
         publisher.publish(
             driver_packet(sequence, [99, 100, 101, 105], [200, 200, 201, 203], stamp)
         )
-    graph.turn_until(lambda: len(heard) == 3)
-    packets = [parse_events(bytes(message)) for message in heard]
+    graph.turn_until(lambda: len(received) == 3)
+    packets = [parse_events(bytes(message)) for message in received]
     assert [packet.stamp_ns - 10**18 for packet in packets] == [3, MS + 3, 5 * MS + 3]
     index = np.concatenate([packet.events['index'] for packet in packets])
     assert index.tolist() == [0, 1, 2, 3, 5, 6]  # the loss before number 5 is a gap
@@ -279,12 +279,12 @@ def test_scene_refuses_what_makes_no_sense(graph, arguments):
 
 def test_black_pixels_of_a_float_image_hold_and_are_logged_once(graph):
     camera = graph.start(CAMERA, event_threshold=0.1)
-    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    received = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     frames = [[1.0, 1.0], [-1.0, 1.0], [math.nan, 1.0], [1.0, 1.0]]
     messages = [pack_image(k * MS, np.array([y]), '64FC1') for k, y in enumerate(frames)]
-    feed(graph, heard, publisher, messages)
-    assert all(len(parse_events(bytes(message)).events) == 0 for message in heard)
+    feed(graph, received, publisher, messages)
+    assert all(len(parse_events(bytes(message)).events) == 0 for message in received)
     code, _, err = camera.stop()
     assert code == 0, err
     assert err.count('without a logarithm') == 1
@@ -292,12 +292,12 @@ def test_black_pixels_of_a_float_image_hold_and_are_logged_once(graph):
 
 def test_a_camera_waits_for_light_where_its_references_are_stated(graph):
     camera = graph.start(CAMERA, reference_lower='[0.9]', reference_upper='[1.1]')
-    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    received = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     publisher = graph.node.create_publisher(Image, 'luminosity', topics.stream_qos())
     graph.turn_until(lambda: publisher.get_subscription_count() == 1)
     for k, y in enumerate((0.0, math.nan)):
         publisher.publish(pack_image(k * MS, np.full((1, 2), y), '64FC1'))
-    feed(graph, heard, publisher, [pack_image(2 * MS, np.ones((1, 2)), '64FC1')])
+    feed(graph, received, publisher, [pack_image(2 * MS, np.ones((1, 2)), '64FC1')])
     code, _, err = camera.stop()
     assert code == 0, err
     assert 'sensor waits for light to start: reference_' in err
@@ -306,7 +306,7 @@ def test_a_camera_waits_for_light_where_its_references_are_stated(graph):
 def test_compressed_images_are_taken(graph):
     image = pytest.importorskip('PIL.Image')
     camera = graph.start(CAMERA, event_threshold=0.1, compressed_input='true')
-    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
+    received = graph.collect(PointCloud2, 'events', topics.handshake_qos('lockstep'))
     topic = 'luminosity/compressed'
     publisher = graph.node.create_publisher(CompressedImage, topic, topics.stream_qos())
     messages = []
@@ -316,8 +316,8 @@ def test_compressed_images_are_taken(graph):
         message = CompressedImage(format='png', data=array.array('B', stream.getvalue()))
         message.header.stamp.nanosec = k * MS
         messages.append(message)
-    feed(graph, heard, publisher, messages)
-    assert len(parse_events(bytes(heard[-1])).events) == 8
+    feed(graph, received, publisher, messages)
+    assert len(parse_events(bytes(received[-1])).events) == 8
     code, _, err = camera.stop()
     assert code == 0, err
 
@@ -325,7 +325,7 @@ def test_compressed_images_are_taken(graph):
 def test_a_real_camera_is_taken_by_its_own_name_and_with_best_effort(graph):
     remapped = ('--ros-args', '-r', 'luminosity:=/camera/image_raw', '--')
     graph.start(CAMERA, *remapped, image_reliability='best_effort', mode='realtime')
-    heard = graph.collect(PointCloud2, 'events', topics.handshake_qos('realtime'))
+    received = graph.collect(PointCloud2, 'events', topics.handshake_qos('realtime'))
     publisher = graph.node.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
     # Some of a best-effort publisher's images may be lost.
     images = (
@@ -334,7 +334,7 @@ def test_a_real_camera_is_taken_by_its_own_name_and_with_best_effort(graph):
     )
 
     def seen():
-        return any(len(parse_events(bytes(message)).events) == 6 for message in heard)
+        return any(len(parse_events(bytes(message)).events) == 6 for message in received)
 
     graph.turn_until(seen, act=lambda: publisher.publish(next(images)))
 

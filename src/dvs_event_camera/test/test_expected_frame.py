@@ -1,4 +1,4 @@
-"""Frames in which nothing happens, answered by their bytes: the answers of the long way."""
+"""Frames in which nothing happens, answered by their bytes: the answers of the general path."""
 
 import math
 
@@ -19,7 +19,7 @@ MS = 1_000_000
 
 
 class Stream:
-    """A camera that takes the short way where there is one, and counts how often."""
+    """A camera that takes the fast path where there is one, and counts how often."""
 
     def __init__(self):
         values = {'event_threshold': 0.1, 'reference_uncertainty': 0.0}
@@ -31,14 +31,14 @@ class Stream:
     def answers(self, message, before_ns=math.inf):
         silent = self.frames.take(message, self.camera)
         if silent is None:
-            answers = self.long_way(message)
+            answers = self.general_path(message)
         else:
             answers = [silent.answer]
             self.short += 1
         self.frames.expect_after(message, before_ns=before_ns)
         return answers
 
-    def long_way(self, message):
+    def general_path(self, message):
         frame = parse_luminosity(message)
         self.gate.take(frame.stamp_ns)
         exposure = self.camera.take(frame)
@@ -57,20 +57,20 @@ def image(stamp_ns, value, shape=(1, 3), dtype='<f8', encoding='64FC1'):
     )
 )
 @settings(max_examples=100, deadline=None)
-def test_the_packets_are_those_of_the_long_way(steps):
+def test_the_packets_are_those_of_the_general_path(steps):
     short, long = Stream(), Stream()
     stamp_ns, value = 0, 5.0
     for steps_ms, factor in steps:
         stamp_ns += steps_ms * MS
         value *= factor
         message = image(stamp_ns, value)
-        assert short.answers(message) == long.long_way(message)
+        assert short.answers(message) == long.general_path(message)
         assert short.gate.last_ns == long.gate.last_ns
         assert short.camera.pixels.stamp_ns == long.camera.pixels.stamp_ns
         assert np.array_equal(short.camera.pixels.counts, long.camera.pixels.counts)
 
 
-def test_a_regular_stream_at_rest_takes_the_short_way_from_its_third_frame_on():
+def test_a_regular_stream_at_rest_takes_the_fast_path_from_its_third_frame_on():
     stream = Stream()
     for k in range(10):
         assert len(stream.answers(image(k * MS, 5.0))) == 1
@@ -92,7 +92,7 @@ def test_a_regular_stream_at_rest_takes_the_short_way_from_its_third_frame_on():
     ],
     ids=['late', 'cut', 'longer', 'turned', 'floats', 'events', 'nan', 'empty'],
 )
-def test_any_other_frame_is_left_to_the_long_way(message):
+def test_any_other_frame_is_left_to_the_general_path(message):
     stream = Stream()
     for k in range(10):
         stream.answers(image(k * MS, 5.0))

@@ -297,7 +297,7 @@ def test_low_pass_of_an_exponential_lags_by_its_time_constant():
     assert np.allclose(filtered[5:], 0.05 * np.arange(6, t.size + 1), atol=1e-6)
 
 
-def test_low_pass_is_slower_in_the_dark():
+def test_low_pass_is_slower_in_dim_light():
     array = array_with(0.05, cutoff_frequency=20.0, cutoff_luminosity=100.0)
     stamps = np.arange(0, 301) * MS
     step = np.where(stamps[:, None] > 0, math.exp(0.5), 1.0) * np.array([[200.0, 20.0, 1.0]])
@@ -309,7 +309,7 @@ def test_low_pass_is_slower_in_the_dark():
     assert np.allclose(np.array(half) * 1e-9 - 5e-4, np.array(expected) * math.log(2), rtol=0.01)
 
 
-def test_low_pass_does_not_swallow_meaningless_light():
+def test_an_invalid_luminosity_does_not_enter_the_low_pass():
     array = array_with(0.05, cutoff_frequency=20.0)
     run(array, [0, MS, 2 * MS], [[1.0], [np.nan], [1.0]])
     assert array.invalid_samples == 1

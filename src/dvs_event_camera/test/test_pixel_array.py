@@ -235,7 +235,7 @@ def test_random_references_are_seeded_and_within_bounds():
     [(LogPhotoreceptor(), bad) for bad in (0.0, -1.0, math.nan, math.inf)]
     + [(LinLogPhotoreceptor(), bad) for bad in (-1.0, math.nan, math.inf)],
 )
-def test_meaningless_luminosity_is_counted_and_the_pixel_holds(bad, receptor):
+def test_invalid_luminosity_is_counted_and_the_pixel_holds(bad, receptor):
     array = PixelArray(event_threshold=0.1, photoreceptor=receptor)
     array.update(0, [30.0, 30.0])
     events = array.update(MS, [bad, 30.0 * math.exp(0.15)])

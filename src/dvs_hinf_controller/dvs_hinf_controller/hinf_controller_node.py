@@ -32,7 +32,7 @@ from dvs_common.wire.keyframe import parse_keyframe
 from dvs_common.wire.messages import Vector, pack_command, pack_estimate
 from dvs_hinf_controller.analysis.budget import Budget
 from dvs_hinf_controller.design.design import Design, design_from_scenario
-from dvs_hinf_controller.design.design_warnings import RunningLoop, darkness_warnings
+from dvs_hinf_controller.design.design_warnings import RunningLoop, luminosity_warnings
 from dvs_hinf_controller.design.live_certificate import LiveCertificate
 from dvs_hinf_controller.design.start_up import start_up_report
 from dvs_hinf_controller.running.backlog import Backlog
@@ -47,7 +47,7 @@ _TICK_S = 0.05
 _ASK_AT, _ASK_EVERY = (1, 2, 4, 8), 10
 _STALE_S = 2.0
 # Time without any known reference after which `unknown_references: stop` stops.
-_BLIND_S = 2.0
+_UNKNOWN_S = 2.0
 _UNKNOWN_REFERENCES = 4
 # Of an estimate.
 _BYTES_A_PIXEL = 24
@@ -96,10 +96,10 @@ class HinfControllerNode(ManagedNode):
         # Of all inputs, events alone must not be lost while this process does not run.
         depth = topics.history_depth(EVENT_DTYPE.itemsize * pixels)
         events = topics.handshake_qos(scenario.loop.mode, depth)
-        self.listen(PointCloud2, topics.EVENTS, self._take, events)
+        self.subscribe(PointCloud2, topics.EVENTS, self._take, events)
         latched = topics.latched_qos(depth=1)
-        self.listen(PointCloud2, topics.KEYFRAME, self._take_keyframe, latched)
-        self.listen(Image, topics.ANCHOR, self._take_anchor, topics.stream_qos())
+        self.subscribe(PointCloud2, topics.KEYFRAME, self._take_keyframe, latched)
+        self.subscribe(Image, topics.ANCHOR, self._take_anchor, topics.stream_qos())
         self.every(_TICK_S, self._tick)
         for topic in (topics.EVENTS, topics.COMMAND):
             self.expect_one_publisher(topic)
@@ -115,8 +115,10 @@ class HinfControllerNode(ManagedNode):
             budget=beginning.read_budget(self._design.figures.delta_certified),
         )
         self.get_logger().info(report.text)
-        darkness = darkness_warnings(self._design.problem, self._scenario.sensor.photoreceptor)
-        for warning in (*report.warnings, *darkness):
+        of_luminosity = luminosity_warnings(
+            self._design.problem, self._scenario.sensor.photoreceptor
+        )
+        for warning in (*report.warnings, *of_luminosity):
             self.get_logger().warning(warning)
 
     def activate(self) -> None:
@@ -127,7 +129,7 @@ class HinfControllerNode(ManagedNode):
         self._event_rate, self._packet_rate = RateMeter(), RateMeter()
         self._threshold = self._controller.event_threshold
         self._unknown_said = False
-        self._blind_s = 0.0
+        self._unknown_s = 0.0
         self._waited_ticks = 0
         self._stamp_ns = 0
         self._ready: ReadyAnswer | None = None
@@ -226,7 +228,7 @@ class HinfControllerNode(ManagedNode):
         if len(packet.events) and not report.repeated:
             self._events += len(packet.events)
             self._on_events += int(np.count_nonzero(packet.events['polarity'] > 0))
-        self._say(report, packet.stamp_ns)
+        self._log_report(report, packet.stamp_ns)
 
     def _publish_command(self, stamp_ns: int, values: FloatArray) -> None:
         self._send_command(self._packed(stamp_ns, values), values)
@@ -245,7 +247,7 @@ class HinfControllerNode(ManagedNode):
 
     def _take_keyframe(self, message: bytes) -> None:
         keyframe = parse_keyframe(message)
-        self._say(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
+        self._log_report(self._controller.take_keyframe(keyframe), keyframe.stamp_ns)
 
     def _report_threshold(self) -> None:
         """Report another threshold as soon as it holds: a keyframe may announce it beforehand."""
@@ -259,9 +261,9 @@ class HinfControllerNode(ManagedNode):
 
     def _take_anchor(self, message: bytes) -> None:
         anchor = parse_anchor(message)
-        self._say(self._controller.take_anchor(anchor), anchor.stamp_ns)
+        self._log_report(self._controller.take_anchor(anchor), anchor.stamp_ns)
 
-    def _say(self, report: PacketReport, stamp_ns: int) -> None:
+    def _log_report(self, report: PacketReport, stamp_ns: int) -> None:
         if report.restarted:
             self.get_logger().warning('stamps have started again: so do the estimator and K')
         if report.lost_events:
@@ -305,9 +307,12 @@ class HinfControllerNode(ManagedNode):
         self._waited_ticks = self._waited_ticks + 1 if needs else 0
         if self._waited_ticks in _ASK_AT or self._waited_ticks % _ASK_EVERY == 0:
             self._ask_for_keyframe()
-        is_blind = self._packets and self._controller.is_blind
-        self._blind_s = self._blind_s + _TICK_S if is_blind else 0.0
-        if self._scenario.uncertainty.unknown_references == 'stop' and self._blind_s > _BLIND_S:
+        lacks_pixels = self._packets and self._controller.lacks_pixels
+        self._unknown_s = self._unknown_s + _TICK_S if lacks_pixels else 0.0
+        if (
+            self._scenario.uncertainty.unknown_references == 'stop'
+            and self._unknown_s > _UNKNOWN_S
+        ):
             self.finish(_UNKNOWN_REFERENCES, 'references unknown (unknown_references: stop)')
 
     # -- health ---------------------------------------------------------------------------------

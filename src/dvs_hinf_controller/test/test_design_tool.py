@@ -199,7 +199,7 @@ def test_a_trade_for_a_plant_without_controller_names_what_fails(
 
     assert main(['--params-file', str(file), '--pareto', str(tmp_path / 'trade.csv')]) == 2
 
-    told = capsys.readouterr()
-    assert 'leaves the unstable mode s = 2' in told.err
-    assert told.out == ''
+    printed = capsys.readouterr()
+    assert 'leaves the unstable mode s = 2' in printed.err
+    assert printed.out == ''
     assert not (tmp_path / 'trade.csv').exists()

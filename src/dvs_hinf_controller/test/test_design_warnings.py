@@ -20,8 +20,8 @@ from dvs_hinf_controller.design.design_report import report_text
 from dvs_hinf_controller.design.design_tool import main
 from dvs_hinf_controller.design.design_warnings import (
     RunningLoop,
-    darkness_warnings,
     design_warnings,
+    luminosity_warnings,
 )
 from dvs_hinf_controller.design.running_bounds import RunningBounds
 from dvs_hinf_controller.problem import DesignProblem
@@ -262,7 +262,7 @@ def test_a_threshold_between_h_certified_and_h_star_has_one_warning():
 
 def test_a_pixel_without_light_at_the_set_point_is_named():
     def found(values: Values, photoreceptor: str = 'log') -> tuple[str, ...]:
-        return darkness_warnings(
+        return luminosity_warnings(
             DesignProblem.from_scenario(base.replace(**values)), photoreceptor
         )
 
@@ -306,7 +306,7 @@ def test_json_has_what_the_text_has_in_numbers_that_json_has(values, tmp_path, c
 
 @pytest.mark.ensemble
 def test_bounds_and_figures_are_those_of_the_pixels_that_are_used(tmp_path, capsys):
-    """A dark pixel that is masked darkens nothing."""
+    """A pixel without light that is masked changes nothing."""
     values = {'set_point': [0.0124, -0.005], 'set_point_tolerance': 1.0, 'event_threshold': 1e-3}
     files = {}
     for name, mask in (('all', []), ('used', [2])):

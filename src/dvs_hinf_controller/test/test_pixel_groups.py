@@ -305,7 +305,7 @@ def test_a_group_without_a_pixel_leaves_no_command_and_no_certificate(quadrotor)
         command_limit=np.full(2, np.inf),
         pixel_mask=masked,
     )
-    assert running.is_blind
+    assert running.lacks_pixels
     assert np.array_equal(running.command, problem.equilibrium.feedforward)
     healthy = np.isin(np.arange(GROUPS.size), masked, invert=True)
     with pytest.raises(ParameterError, match='must leave a pixel of pixel group 0'):

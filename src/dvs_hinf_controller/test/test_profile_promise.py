@@ -108,13 +108,13 @@ def test_a_steep_place_in_the_reach_costs_at_long_periods(straight):
     assert held(straight, 0.03, reach=1e-3).error == np.inf
 
 
-def test_light_is_promised_up_to_where_the_steepest_secant_reaches_darkness(straight):
+def test_a_positive_luminosity_is_promised_up_to_where_the_steepest_secant_reaches_zero(straight):
     least, error = straight.problem.set_point_luminosity.min(), 0.1
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = (low + high) / 2
-        lit = np.isfinite(held(straight, middle, slope_error=error).error)
-        low, high = (middle, high) if lit else (low, middle)
+        exists = np.isfinite(held(straight, middle, slope_error=error).error)
+        low, high = (middle, high) if exists else (low, middle)
     assert (1 + error) * held(straight, low, slope_error=error).output == pytest.approx(
         least, rel=1e-6
     )

@@ -187,7 +187,7 @@ def test_anchors_take_the_place_of_references_that_are_known_poorly(designs, mir
     )
 
     assert anchored > poorly
-    # One threshold for the event and one for the anchor at an unlucky instant.
+    # One threshold for the event and one for the anchor at its worst instant.
     delta = designs['unstructured'].figures.delta_certified
     assert anchored == pytest.approx((math.atanh(delta) - math.atanh(0.01)) / 2, rel=1e-3)
     assert certified(reference_uncertainty=1e-3, **ANCHORS) == certified(
@@ -213,8 +213,8 @@ def test_each_pixel_counts_with_what_is_known_of_it(mirror) -> None:
     assert held_at(problem, held, mean).error == pytest.approx(problem.tolerance, rel=1e-6)
 
 
-def test_light_stays_on_or_there_is_no_promise(mirror) -> None:
-    """At a set-point of little light the tolerance is wide enough to darken the pixel."""
+def test_every_luminosity_stays_positive_or_there_is_no_promise(mirror) -> None:
+    """At a set-point of little light the tolerance is wide enough for one that is not positive."""
     scenario = mirror.replace(tolerance=10.0)
     design = design_from_scenario(scenario)
     held = held_from(design.problem, design.controller, design.figures.h_certified)
@@ -236,7 +236,9 @@ def test_a_start_is_bounded_from_then_on(designs) -> None:
 
 
 @pytest.mark.parametrize('direction', [[1.0, 0.0], [-0.3, 0.4], [0.0, 1e-3]])
-def test_the_farthest_start_is_the_last_from_which_light_is_promised(designs, direction) -> None:
+def test_the_farthest_start_is_the_last_from_which_a_positive_luminosity_is_promised(
+    designs, direction
+) -> None:
     design = designs['unstructured']
     arguments = (design.problem, design.controller, 0.05)
     start = farthest_start(*arguments, np.array(direction))

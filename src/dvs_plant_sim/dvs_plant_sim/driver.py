@@ -28,7 +28,7 @@ class SampledPlant(Protocol):
         """Publish an image of the present state; see `PlantNode.publish_image`."""
 
     def small_step(self) -> SmallStep | None:
-        """Return the short way of a step, where there is one; see `PlantNode.small_step`."""
+        """Return the fast path of a step, where there is one; see `PlantNode.small_step`."""
 
     def send_again(self) -> None:
         """Publish the last luminosity once more."""
@@ -42,10 +42,10 @@ class SampledPlant(Protocol):
     def advertise_on_demand(self, message_type: type, topic: str, qos: Any) -> Any:
         """Publisher that reports its subscribers; see `ManagedNode.advertise_on_demand`."""
 
-    def listen(
+    def subscribe(
         self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: Any
     ) -> None:
-        """Subscribe to serialized messages; see `ManagedNode.listen`."""
+        """Subscribe to serialized messages; see `ManagedNode.subscribe`."""
 
     def every(self, period_s: float, callback: Callable[[], None]) -> Any:
         """Wall-clock timer; see `ManagedNode.every`."""

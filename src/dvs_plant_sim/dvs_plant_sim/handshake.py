@@ -21,7 +21,7 @@ class Handshake:
         self._last_sample = last_sample
         self.sample = 0
         self.stamp_ns = 0
-        # Nothing has been sent: whatever command comes answers the sample of another life.
+        # Nothing has been sent: whatever command comes answers a sample of another run.
         self._answered = self._is_fresh = True
         self._waiting_turns = 0
 
@@ -33,7 +33,7 @@ class Handshake:
     def accepts(self, stamp_ns: int) -> bool:
         """Whether a command with this stamp answers the current sample, for the first time.
 
-        Before the first sample is sent none does: latched commands are of a former life.
+        Before the first sample is sent none does: latched commands are of an earlier run.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ _RESEND_S = 0.5
 # Turns after which, again and again, the missing partner is named.
 _PATIENCE_TURNS = 4
 # The first sample waits until a controller is met, so that its answer is not lost. One that was
-# there before sends its last command again to a late subscriber: it belongs to a former life.
+# there before sends its last command again to a late subscriber: it belongs to an earlier run.
 _MEETING_TURN_S = 0.05
 _QUIET_TURNS = 4
 _TURNS_ALONE = 20
@@ -47,16 +47,16 @@ class LockstepDriver:
         self._scenario = scenario
         self._period_ns = scenario.sampling_period_ns
         self._clock_publisher = node.advertise_on_demand(Clock, topics.CLOCK, topics.clock_qos())
-        # A controller latches the commands of this plant's former life: they must not come here.
+        # A controller latches the commands of this plant's earlier run: they must not come here.
         qos = topics.handshake_qos(scenario.loop.mode)
         qos.durability = DurabilityPolicy.VOLATILE
-        node.listen(JointState, topics.COMMAND, self._step, qos)
+        node.subscribe(JointState, topics.COMMAND, self._step, qos)
         node.every(_RESEND_S, self._wait)
         self._due = node.every(1.0, self._publish_due)
         self._meeting = node.every(_MEETING_TURN_S, self._meet)
 
     def start(self) -> None:
-        """Publish sample 0 once a controller is met and no command of a former life comes."""
+        """Publish sample 0 once a controller is met and no command of an earlier run comes."""
         scenario = self._scenario
         self._due.cancel()
         self._meeting.reset()
@@ -91,7 +91,7 @@ class LockstepDriver:
             self._small.prepare(stamp_ns)
 
     def _step_small(self, message: bytes) -> bool:
-        """Take the short way to the next sample; return whether there was one."""
+        """Take the fast path to the next sample; return whether there was one."""
         image = None if self._small is None else self._small.image_after(message)
         if image is None:
             return False
@@ -108,7 +108,7 @@ class LockstepDriver:
             return
         command = self._node.checked_command(message)
         if not self._handshake.accepts(command.stamp_ns):
-            # While they meet: a command of a former life.
+            # While they meet: a command of an earlier run.
             self._quiet_turns = 0
             return
         if self._handshake.sample == 0:

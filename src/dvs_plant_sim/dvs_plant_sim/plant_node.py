@@ -112,7 +112,7 @@ class PlantNode(ManagedNode):
         )
         driver = LockstepDriver if scenario.loop.mode == 'lockstep' else RealtimeDriver
         self._driver: Driver = driver(self, scenario)
-        self._say_set_point()
+        self._log_set_point()
 
     def activate(self) -> None:
         """Start at the initial state; in lockstep with sample 0."""
@@ -194,7 +194,7 @@ class PlantNode(ManagedNode):
             self._state_publisher.publish(pack_state(vector))
 
     def small_step(self) -> SmallStep | None:
-        """The short way from a command to the next image; None where there is none."""
+        """The fast path from a command to the next image; None where there is none."""
         # Subclasses may move, and see, in ways of their own.
         plant, sees_plainly = self.plant, type(self).luminosity is PlantNode.luminosity
         if type(plant) is not Plant or not sees_plainly:
@@ -281,7 +281,7 @@ class PlantNode(ManagedNode):
             return np.maximum(luminosity, floor)
         return luminosity
 
-    def _say_set_point(self) -> None:
+    def _log_set_point(self) -> None:
         equilibrium = self._scenario.equilibrium
         if equilibrium.residual > 0:
             point = ', '.join(f'{value:.9g}' for value in equilibrium.state)

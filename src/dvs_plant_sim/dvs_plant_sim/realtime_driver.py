@@ -38,7 +38,7 @@ class RealtimeDriver:
         self._last_sample = scenario.sample_count
         self._hold_input = scenario.equilibrium.feedforward
         qos = topics.handshake_qos(scenario.loop.mode)
-        node.listen(JointState, topics.COMMAND, self._receive, qos)
+        node.subscribe(JointState, topics.COMMAND, self._receive, qos)
         self._timer = node.every(scenario.loop.sampling_period, self._tick)
 
     def start(self) -> None:

@@ -95,7 +95,8 @@ class SmallStep:
         """Advance the plant; return the serialized image of what the pixels see then.
 
         None, and nothing has changed, where the command is not the one that was prepared for, or
-        it leads to what needs a closer look: no numbers, or no light. A preparation serves once.
+        it leads to what needs a closer look: no numbers, or a luminosity that is
+        not positive. A preparation serves once.
 
         Parameters
         ----------

@@ -101,7 +101,7 @@ class Surroundings:
         self.asked = []
         self.plant = None
 
-    def listen(self, *_):
+    def subscribe(self, *_):
         pass
 
     def every(self, *_):

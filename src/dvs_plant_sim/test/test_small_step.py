@@ -1,4 +1,4 @@
-"""The short way of a step gives the bits of the long one, or leaves everything to it."""
+"""The fast path of a step gives the bits of the general one, or leaves everything to it."""
 
 import dataclasses
 import math
@@ -53,7 +53,7 @@ def loop_of(seed, states, pixels, *, disturbance=0.0, needs_light=False):
     inputs=st.lists(numbers, min_size=1, max_size=8),
 )
 @settings(max_examples=200, deadline=None)
-def test_states_and_images_are_those_of_the_long_way_to_the_bit(
+def test_states_and_images_are_those_of_the_general_path_to_the_bit(
     seed, states, pixels, disturbance, inputs
 ):
     assume(all(inputs))
@@ -85,7 +85,7 @@ def test_states_and_images_are_those_of_the_long_way_to_the_bit(
     ],
     ids=repr,
 )
-def test_any_other_command_is_left_to_the_long_way(message):
+def test_any_other_command_is_left_to_the_general_path(message):
     _, plant, _, step = loop_of(0, 2, 9)
     before = plant.state
     step.prepare(MS)
@@ -105,7 +105,7 @@ def test_a_preparation_serves_for_one_command():
     assert plant.state is after
 
 
-def test_darkness_is_left_to_the_long_way_where_pixels_need_light():
+def test_a_luminosity_that_is_not_positive_is_left_to_the_general_path_where_pixels_need_light():
     for needs_light in (False, True):
         _, plant, scene, step = loop_of(0, 2, 9, needs_light=needs_light)
         before = plant.state
@@ -116,7 +116,7 @@ def test_darkness_is_left_to_the_long_way_where_pixels_need_light():
 
 
 @pytest.mark.parametrize('beyond', [1e308, -1e308])
-def test_a_state_beyond_all_numbers_is_left_to_the_long_way(beyond):
+def test_a_state_beyond_all_numbers_is_left_to_the_general_path(beyond):
     _, plant, _, step = loop_of(0, 2, 9)
     plant.state = np.array([beyond, beyond])
     step.prepare(0)

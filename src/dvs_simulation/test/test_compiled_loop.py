@@ -117,7 +117,7 @@ def test_what_is_not_compiled_is_left_to_the_nodes_cores(options):
     assert loop is None or loop.run() is None
 
 
-def test_a_run_that_goes_dark_ends_as_the_nodes_end_it():
+def test_a_run_ends_at_a_luminosity_that_is_not_positive_as_the_nodes_end_it():
     plain = scenario('mirror', 1).replace(duration=4.2)
     push = Conditions(disturbance=np.full((4200, 1), -50.0))
     with pytest.raises(ParameterError, match='luminosity'):

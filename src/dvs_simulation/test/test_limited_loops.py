@@ -40,7 +40,9 @@ def test_a_slow_actuator_is_asked_for_no_more_than_its_rate_and_regulates():
     assert final_error(slowed) < LOOP.objective.tolerance
 
 
-def test_without_anti_windup_the_same_actuator_loses_the_light(monkeypatch):
+def test_without_anti_windup_the_same_actuator_leads_to_a_luminosity_that_is_not_positive(
+    monkeypatch,
+):
     monkeypatch.setattr(CommandLimiter, 'advance', lambda *_: None)
 
     with pytest.raises(ValueError, match='leads to the luminosity'):

@@ -62,7 +62,7 @@ def drawn_scenario(rng) -> Scenario:
 def both_loops(seed: int):
     """Samples and counts by the loop of the study and by the nodes' own cores, compiled.
 
-    None where the loop is unstable, since rounding grows with the state, or begins in the dark.
+    None where the loop is unstable, since rounding grows with the state, or starts near 0.
     """
     rng = np.random.default_rng([5, seed])
     scenario = drawn_scenario(rng)
@@ -143,7 +143,7 @@ def test_no_adversarial_run_breaks_a_promise() -> None:
     ]
     summary = summarize_promise(as_text(rows))
 
-    assert summary.violations == summary.dark_in_spite == summary.unsettled == 0
+    assert summary.violations == summary.dark_though_promised == summary.unsettled == 0
     assert summary.runs + summary.dark == 32
     assert 0.3 < summary.tightest <= 1
 
@@ -166,7 +166,7 @@ def test_a_violation_is_counted_and_a_run_that_still_falls_is_not() -> None:
     summary = summarize_promise(rows)
 
     assert (summary.runs, summary.plants, summary.violations, summary.dark) == (3, 1, 1, 2)
-    assert (summary.dark_in_spite, summary.unsettled) == (1, 1)
+    assert (summary.dark_though_promised, summary.unsettled) == (1, 1)
     assert summary.tightest == 1.1
 
 

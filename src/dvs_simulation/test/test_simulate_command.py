@@ -142,7 +142,7 @@ def test_an_exact_run_is_promised_within_both_certificates_where_nothing_acts(
 
 
 @pytest.mark.ensemble
-def test_a_run_that_ends_in_the_dark_has_broken_off(tmp_path, capsys):
+def test_a_run_that_ends_at_a_luminosity_that_is_not_positive_has_broken_off(tmp_path, capsys):
     result = exact(tmp_path, 'textbook/ball_and_beam', duration=8.0, event_threshold=0.9)
 
     assert result['outcome'] == 'zeno' and result['limsup_error'] is None

@@ -52,7 +52,7 @@ class BagRecorder:
         self.failure: BagFullError | None = None
         self._last_ns = 0
         self._subscriptions: dict[Stream, Subscription] = {}
-        self._heard: set[str] = set()
+        self._matched: set[str] = set()
         for stream in streams:
             qos = stream.offered_qos
             qos.depth = topics.LISTENER_DEPTH
@@ -81,9 +81,9 @@ class BagRecorder:
 
     def newly_received(self) -> list[str]:
         """Topics whose first publisher has been matched since the last call."""
-        matched = {s.topic for s, own in self._subscriptions.items() if own.get_publisher_count()}
-        new = matched - self._heard
-        self._heard |= new
+        found = {s.topic for s, own in self._subscriptions.items() if own.get_publisher_count()}
+        new = found - self._matched
+        self._matched |= new
         return sorted(new)
 
     def _subscribe(self, stream: Stream, qos: QoSProfile) -> None:

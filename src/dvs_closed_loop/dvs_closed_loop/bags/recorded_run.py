@@ -72,14 +72,14 @@ class StreamStatistics:
     @property
     def troubles(self) -> list[str]:
         """What was read around, one line each."""
-        told = (
+        reasons = (
             (self.unreadable, 'left out: against the wire contract, or of another size'),
             (self.late, 'put in order: recorded out of order'),
             (self.repeated, 'left out: the same stamp came before'),
         )
         lines = [
             f'{self.topic}: {count} of {self.messages} messages {what}'
-            for count, what in told
+            for count, what in reasons
             if count
         ]
         if self.missing:

@@ -90,11 +90,11 @@ def run(options: argparse.Namespace) -> int:
                     if options.duration is not None and elapsed >= options.duration:
                         break
                     for line in recorder.adapt():
-                        progress.say(line)
+                        progress.write(line)
                     for topic in recorder.newly_received():
-                        progress.say(f'receives {topic}')
-                    is_told = scenario is not None or parameters.complete
-                    if not is_told and time.monotonic() >= next_question:
+                        progress.write(f'receives {topic}')
+                    has_scenario = scenario is not None or parameters.complete
+                    if not has_scenario and time.monotonic() >= next_question:
                         parameters.ask()
                         next_question = time.monotonic() + _ASK_PERIOD_S
                         if parameters.complete and parameters.scenario is not None:
@@ -146,7 +146,7 @@ class _Progress:
         """Leave the last line on the screen."""
         self._bar.close()
 
-    def say(self, line: str) -> None:
+    def write(self, line: str) -> None:
         """Print a line above the progress.
 
         Parameters

@@ -54,7 +54,7 @@ def _subscriber(
 
 
 def _listener(view: LiveView, topic: str) -> Callable[[bytes], None]:
-    def listen(message: bytes) -> None:
+    def receive(message: bytes) -> None:
         view.receive(topic, message)
 
-    return listen
+    return receive

@@ -82,7 +82,7 @@ def run_scenario(
     parameters = dict(parameters or {})
     space = checked_namespace(namespace)
     scenario = load_scenario(parameter_file, namespace=space).replace(**parameters)
-    believed = load_scenario(parameter_file, namespace=space, node=CONTROLLER)
+    controller_scenario = load_scenario(parameter_file, namespace=space, node=CONTROLLER)
     plans = loop_plan(
         scenario,
         parameter_file,
@@ -92,7 +92,7 @@ def run_scenario(
         composed=composed,
         plant_waits=True,
     )
-    promised = Promised.of(design_from_scenario(believed.replace(**parameters)))
+    promised = Promised.of(design_from_scenario(controller_scenario.replace(**parameters)))
     if session.stop.received:
         raise InterruptedEarly
     output_folder(output)

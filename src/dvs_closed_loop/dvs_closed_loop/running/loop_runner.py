@@ -43,7 +43,7 @@ _DISCOVERY = (
     'FASTRTPS_DEFAULT_PROFILES_FILE',
     'FASTDDS_DEFAULT_PROFILES_FILE',
 )
-_COMPANY = (
+_ANOTHER_LOOP = (
     'a plant_sim runs in this ROS domain already: give another ROS_DOMAIN_ID, or a --namespace'
 )
 
@@ -167,7 +167,7 @@ class _RunningLoop:
         deadline = time.monotonic() + _LOOK_AROUND_S
         while time.monotonic() < deadline and not self._stop.received:
             if client.service_is_ready():
-                raise LoopError(_COMPANY)
+                raise LoopError(_ANOTHER_LOOP)
             self._session.turn(0.05)
         self._node.destroy_client(client)
 
@@ -188,7 +188,9 @@ class _RunningLoop:
         self._wait(future.done, 'plant_sim to change its state')
         if future.done() and not future.result().success:
             # On a busy machine we may meet another loop's plant only now.
-            raise LoopError(f'plant_sim refused to start; its message is above, unless {_COMPANY}')
+            raise LoopError(
+                f'plant_sim refused to start; its message is above, unless {_ANOTHER_LOOP}'
+            )
 
     def _wait(self, condition: Callable[[], bool], awaited: str) -> None:
         deadline = time.monotonic() + _START_TIMEOUT_S

@@ -31,7 +31,7 @@ class DirectCalls:
         self._is_over = False
 
     def publisher(self, publisher: Publisher, qos: QoSProfile) -> DirectPublisher:
-        """Publisher whose messages take the short way where there is one.
+        """Publisher whose messages take the fast path where there is one.
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class DirectCalls:
         """
         self._publishers.remove(publisher)
 
-    def listen(self, subscription: Subscription, handler: _Handler, qos: QoSProfile) -> None:
+    def subscribe(self, subscription: Subscription, handler: _Handler, qos: QoSProfile) -> None:
         """Call a handler with the messages of a topic.
 
         Parameters
@@ -130,7 +130,7 @@ class DirectCalls:
         return bool(pending)
 
     def _look(self) -> None:
-        """End the short way if another process subscribes, or one of ours can't be reached."""
+        """End the fast path if another process subscribes, or one of ours can't be reached."""
         for publisher in self._publishers:
             ours = len(self._handlers.get(publisher.topic_name, ()))
             if ours and publisher.get_subscription_count() != ours:
@@ -166,7 +166,7 @@ class DirectPublisher:
         return int(self.publisher.get_subscription_count())
 
     def publish(self, message: Any) -> None:
-        """Publish a message object or a serialized one; only the latter goes the short way.
+        """Publish a message object or a serialized one; only the latter takes the fast path.
 
         Parameters
         ----------

@@ -30,8 +30,8 @@ class ManagedNode(StreamNode):
     """Lifecycle node of the suite: checked parameters, streams, health.
 
     A subclass implements `configure` and may implement `activate` and `deactivate`, and `change`
-    for parameters that change while it is active. What it creates with `advertise`, `listen` and
-    `every` is destroyed on cleanup.
+    for parameters that change while it is active. What it creates with `advertise`, `subscribe`
+    and `every` is destroyed on cleanup.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ class ManagedNode(StreamNode):
         return not begun and waited_s > _CLOCK_PATIENCE_S
 
     def _succeeds(self, step: Callable[[], None]) -> bool:
-        """Run a transition's work; rclpy would swallow what goes wrong in it."""
+        """Run a transition's work; rclpy would not report what goes wrong in it."""
         try:
             step()
         except SuiteError as error:

@@ -61,7 +61,7 @@ class StreamNode(ParameterNode):
         # To the other nodes of this process, if there are some.
         self.direct: DirectCalls | None = None
         self._sole: list[SolePublisher] = []
-        self._heard_s: dict[str, float] = {}
+        self._received_s: dict[str, float] = {}
         self._active_since_s = 0.0
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
         self._looking: list[DemandedPublisher | TokenPublisher] = []
@@ -135,7 +135,7 @@ class StreamNode(ParameterNode):
             self._looking.append(token)
         return token
 
-    def listen(
+    def subscribe(
         self, message_type: type, topic: str, handler: Callable[[bytes], None], qos: QoSProfile
     ) -> None:
         """Subscribe to serialized messages; only an active node receives them.
@@ -162,7 +162,7 @@ class StreamNode(ParameterNode):
         def guarded(message: bytes) -> None:
             if not self.is_active:
                 return
-            self._heard_s[topic] = time.monotonic()
+            self._received_s[topic] = time.monotonic()
             try:
                 handler(message)
             except MessageError as error:
@@ -179,16 +179,16 @@ class StreamNode(ParameterNode):
             guarded(message)
             self.published_ns = None
 
-        def subscribe(qos: QoSProfile) -> Subscription[Any]:
+        def create(qos: QoSProfile) -> Subscription[Any]:
             return self.create_subscription(
                 message_type, topic, WithInformation(counted), qos, raw=True
             )
 
-        fitting = FittingSubscription(self, subscribe, qos)
+        fitting = FittingSubscription(self, create, qos)
         self._fitting.append(fitting)
         self._entities.append((lambda own: self.destroy_subscription(own.subscription), fitting))
         if direct := self.direct:
-            direct.listen(fitting.subscription, guarded, qos)
+            direct.subscribe(fitting.subscription, guarded, qos)
             self._entities.append(
                 (lambda own: direct.ignore(own.subscription, handler=guarded), fitting)
             )
@@ -239,15 +239,15 @@ class StreamNode(ParameterNode):
         Parameters
         ----------
         topic
-            Topic given to `listen`.
+            Topic given to `subscribe`.
         """
-        return time.monotonic() - self._heard_s.get(topic, self._active_since_s)
+        return time.monotonic() - self._received_s.get(topic, self._active_since_s)
 
     def _open_streams(self) -> None:
         """Begin to call handlers and timers."""
         self.is_active = True
         self._active_since_s = time.monotonic()
-        self._heard_s.clear()
+        self._received_s.clear()
         self._look()
 
     def _look(self) -> None:

@@ -56,8 +56,8 @@ class LoopValues:
                 for node in _readers(name)
             }
             if len(set(found.values())) > 1:
-                told = ', '.join(f'{value} for {node}' for node, value in found.items())
-                raise ParameterError(name, told, 'must be the same for every node here')
+                values = ', '.join(f'{value} for {node}' for node, value in found.items())
+                raise ParameterError(name, values, 'must be the same for every node here')
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -41,7 +41,7 @@ class Keyframe:
     stamp_ns
         Sample after whose events it holds, ns.
     epoch
-        Number of this life of the sensor, drawn when its references were set.
+        Random number of the present epoch, drawn when the sensor set its references.
     age_s
         Time since then, s.
     events

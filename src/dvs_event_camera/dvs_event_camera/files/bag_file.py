@@ -64,9 +64,9 @@ class BagFile:
                 key=lambda topic: (topic.name, topic.type_name),
             )
         )
-        told = (notes, *(storage.notes for storage in self._storages))
-        self.custom = next((n.custom for n in told if n.custom), {})
-        self.distribution = next((n.distribution for n in told if n.distribution), '')
+        all_notes = (notes, *(storage.notes for storage in self._storages))
+        self.custom = next((n.custom for n in all_notes if n.custom), {})
+        self.distribution = next((n.distribution for n in all_notes if n.distribution), '')
 
     def __enter__(self) -> BagFile:
         """Return the open bag."""

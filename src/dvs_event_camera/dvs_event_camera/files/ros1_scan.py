@@ -115,10 +115,10 @@ class _Scan:
                     data=self.types.cdr(data, type_name),
                 )
 
-    def _connect(self, fields: dict[str, bytes], told: dict[str, bytes]) -> None:
-        package, _, name = told['type'].decode().partition('/')
+    def _connect(self, fields: dict[str, bytes], header: dict[str, bytes]) -> None:
+        package, _, name = header['type'].decode().partition('/')
         type_name = f'{package}/msg/{name}'
-        self.types.register(type_name, told['message_definition'].decode())
+        self.types.register(type_name, header['message_definition'].decode())
         self.connections[fields['conn']] = (fields['topic'].decode(), type_name)
 
 

@@ -13,7 +13,7 @@ from dvs_event_camera.pixels.crossings import CountArray
 from dvs_event_camera.pixels.hermite import ITERATIONS, tolerance_of
 from dvs_event_camera.pixels.pixel_state import ImperfectState
 
-_NOBODY = np.empty(0, np.int64)
+_NO_PIXEL = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +155,7 @@ class IdealFiring:
     def begin(self, interval: Interval, luminosity: NDArray[np.generic]) -> NDArray[np.int64]:
         """Take the length of the interval; see `Firing.begin`."""
         self._durations = [interval.duration_ns, *self._durations[:2]]
-        return _NOBODY
+        return _NO_PIXEL
 
     def fire(
         self,

@@ -22,7 +22,7 @@ class ShotNoise:
     Parameters
     ----------
     rate
-        Events a second of a pixel in the dark, 1/s.
+        Events a second of a pixel without light, 1/s.
     bright
         Luminosity at which a quarter of the rate is left; on the way there the rate falls
         linearly. 0: the same rate everywhere.

@@ -94,7 +94,7 @@ class _Hash(ctypes.Structure):
 
 _Find = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
 _GetHash = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
-# What the middleware points to lives as long as the process.
+# What the middleware points to is kept as long as the process runs.
 _kept: list[Any] = []
 
 

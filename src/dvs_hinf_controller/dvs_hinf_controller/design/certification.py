@@ -125,7 +125,7 @@ def farthest_start(
     event_threshold: float,
     direction: FloatArray,
 ) -> FloatArray:
-    """Farthest start along a direction from which light is promised to stay on.
+    """Farthest start along a direction from which every luminosity is promised positive.
 
     From nearer ones of this direction it is promised, too: the bounds grow with the start.
 

@@ -142,10 +142,12 @@ def promise_text(
     ]
     if found.from_its_start is not None:
         lines.append(f'  from its start  {_bounds(found.from_its_start, problem, limit)}')
-        light = 'light stays on' if found.light_stays_on else 'not proven that light stays on'
+        positive = 'every luminosity stays positive'
+        if not found.luminosity_stays_positive:
+            positive = f'not proven that {positive}'
         if problem.operation and math.isfinite(problem.operation.linearisation.reach):
-            light += ', and the profile within its reach'
-        lines.append(f'  transient       {light}')
+            positive += ', and the profile within its reach'
+        lines.append(f'  transient       {positive}')
     return '\n'.join(lines)
 
 

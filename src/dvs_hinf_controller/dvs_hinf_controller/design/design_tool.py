@@ -26,8 +26,8 @@ from dvs_hinf_controller.design.design_file import finite_or_null
 from dvs_hinf_controller.design.design_report import as_json_object, promise_text, report_text
 from dvs_hinf_controller.design.design_warnings import (
     RunningLoop,
-    darkness_warnings,
     design_warnings,
+    luminosity_warnings,
 )
 from dvs_hinf_controller.design.figure_words import threshold_words
 from dvs_hinf_controller.design.pareto import UNITS, ParetoPoint, pareto
@@ -201,7 +201,7 @@ def _warnings(designs: Sequence[Design], scenario: Scenario) -> dict[str, list[s
     loop, photoreceptor = RunningLoop.of_scenario(scenario), scenario.sensor.photoreceptor
     return {
         design.method: [
-            *darkness_warnings(design.problem, photoreceptor),
+            *luminosity_warnings(design.problem, photoreceptor),
             *design_warnings(design, loop),
         ]
         for design in designs

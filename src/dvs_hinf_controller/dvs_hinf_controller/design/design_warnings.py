@@ -195,7 +195,7 @@ def _reached(
     yield 'command_rate_limit', swing / operation.sampling_period, loop.command_rate_limit
 
 
-def darkness_warnings(problem: DesignProblem, photoreceptor: str) -> tuple[str, ...]:
+def luminosity_warnings(problem: DesignProblem, photoreceptor: str) -> tuple[str, ...]:
     """What is to be warned of where a pixel has no logarithm of its luminosity at the set-point.
 
     Parameters

@@ -47,8 +47,8 @@ class RunningBounds:
         )
 
     @property
-    def light_stays_on(self) -> bool:
-        """Whether no pixel can become dark from the start on."""
+    def luminosity_stays_positive(self) -> bool:
+        """Whether the luminosity of every pixel stays positive from the start on."""
         return self.from_its_start is not None and math.isfinite(self.from_its_start.error)
 
     def as_json_object(self) -> dict[str, Any]:
@@ -56,7 +56,7 @@ class RunningBounds:
         return {
             'in_the_limit': _bounds(self.in_the_limit),
             'from_its_start': self.from_its_start and _bounds(self.from_its_start),
-            'light_stays_on': self.light_stays_on,
+            'light_stays_on': self.luminosity_stays_positive,
         }
 
 

@@ -123,7 +123,7 @@ class EventController:
         self.state = np.zeros(self._controller.order)
         self._resting = self._feedforward
         self.deviation = self._means.rest
-        self.is_blind = False
+        self.lacks_pixels = False
         if self.limiter is not None:
             self.limiter.begin(self._feedforward)
         self._refresh()
@@ -131,13 +131,13 @@ class EventController:
 
     def _refresh(self) -> None:
         """Take over what is known now; where nothing is, rest until something is."""
-        is_blind = self._means.is_blind(self.references.intervals)
-        if is_blind and not self.is_blind:
+        lacks_pixels = self._means.lacks_pixels(self.references.intervals)
+        if lacks_pixels and not self.lacks_pixels:
             self._resting = (
                 self._command_of(self.state) if self._holds_unknown else self._feedforward
             )
             self.state = np.zeros(self._controller.order)
-        self.is_blind = is_blind
+        self.lacks_pixels = lacks_pixels
         self.deviation = self._mean_deviation()
 
     def redirect(self, problem: DesignProblem, controller: LinearController) -> None:
@@ -162,7 +162,7 @@ class EventController:
         self.deviation = self._mean_deviation()
 
     def _mean_deviation(self) -> Deviation:
-        if self.is_blind:
+        if self.lacks_pixels:
             return self._means.rest
         return self._means.deviation(self.references.intervals, self.limiter)
 
@@ -215,7 +215,7 @@ class EventController:
     @property
     def _wanted(self) -> FloatArray:
         """The command before any limit."""
-        if self.is_blind:
+        if self.lacks_pixels:
             return self._resting
         ahead = self._ahead.at(self.state, deviation=self.deviation)
         return self._command_of(self.state) if ahead is None else ahead.command
@@ -227,7 +227,7 @@ class EventController:
 
     def _limit(self, duration_ns: int) -> None:
         if self.limiter is not None:
-            self.limiter.take(self._wanted, as_seconds(duration_ns), is_resting=self.is_blind)
+            self.limiter.take(self._wanted, as_seconds(duration_ns), is_resting=self.lacks_pixels)
 
     def look_ahead(self) -> None:
         """Work out, while there is time, the answer to a next packet that is as long and empty."""
@@ -262,7 +262,7 @@ class EventController:
 
     def _duration_of_silence_ns(self, packet: EventPacket) -> int | None:
         """Length of a step in which K alone moves; None where a packet brings anything else."""
-        if self.is_blind or self.limiter is not None:
+        if self.lacks_pixels or self.limiter is not None:
             return None
         return self.references.duration_of_silence_ns(packet)
 
@@ -311,7 +311,7 @@ class EventController:
             self.state = self._held(self._duration_ns) + moved
         else:
             self._keep_still()
-        if self.is_blind:
+        if self.lacks_pixels:
             self.state = np.zeros(self._controller.order)
         if self.limiter is not None:
             self.limiter.advance(as_seconds(self._duration_ns))

@@ -73,7 +73,7 @@ class Means(Protocol):
             K.
         """
 
-    def is_blind(self, known: ReferenceIntervals) -> bool:
+    def lacks_pixels(self, known: ReferenceIntervals) -> bool:
         """Whether K has to rest for lack of pixels.
 
         Parameters
@@ -88,7 +88,7 @@ class Means(Protocol):
         Parameters
         ----------
         known
-            Estimates; `is_blind` is false of them.
+            Estimates; `lacks_pixels` is false of them.
         limiter
             What adds the luminosity that a command within limits lacks; None for no limit.
         """
@@ -140,8 +140,8 @@ class OneMean:
         """Response of K to the mean; see `Means.response`."""
         return HeldInputResponse(controller.state_matrix, controller.input_vector)
 
-    def is_blind(self, known: ReferenceIntervals) -> bool:
-        """Whether there is nothing to take the mean of; see `Means.is_blind`."""
+    def lacks_pixels(self, known: ReferenceIntervals) -> bool:
+        """Whether there is nothing to take the mean of; see `Means.lacks_pixels`."""
         return not known.active_count
 
     def deviation(self, known: ReferenceIntervals, limiter: CommandLimiter | None) -> float:
@@ -188,8 +188,8 @@ class GroupMeans:
         """Response of K to the means; see `Means.response`."""
         return GroupResponse(controller)
 
-    def is_blind(self, known: ReferenceIntervals) -> bool:
-        """Whether a group has no active pixel; see `Means.is_blind`."""
+    def lacks_pixels(self, known: ReferenceIntervals) -> bool:
+        """Whether a group has no active pixel; see `Means.lacks_pixels`."""
         return not self.active_counts(known.active).all()
 
     def active_counts(self, active: Bools) -> NDArray[np.intp]:

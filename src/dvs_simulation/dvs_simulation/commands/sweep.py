@@ -168,10 +168,11 @@ def _report(study: Study, rows: list[dict[str, str]]) -> int:
         print(
             f'{promised.runs} sampled runs over {promised.plants} plants: {promised.violations} '
             f'violations, tightest limsup/eps = {promised.tightest:.4f} ({promised.dark} runs '
-            f'left out: a pixel went dark in the transient, in {promised.dark_in_spite} of them '
-            f'although light was promised; {promised.unsettled} still falling)'
+            f'left out: a luminosity was not positive in the transient, in '
+            f'{promised.dark_though_promised} of them although promised to be; '
+            f'{promised.unsettled} still falling)'
         )
-        return 1 if promised.violations or promised.dark_in_spite else 0
+        return 1 if promised.violations or promised.dark_though_promised else 0
     if study.name == own_plant.NAME:
         print('least h that left eps, and bounds on h (any, none):')
         print('method         random   adversarial   h*       h_certified')

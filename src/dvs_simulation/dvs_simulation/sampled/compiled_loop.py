@@ -61,7 +61,7 @@ class CompiledRun:
     record
         Rows by sample.
     samples
-        Rows that are there: all N + 1, unless a pixel went dark.
+        Rows that are there: all N + 1, unless a luminosity was not positive.
     is_whole
         Whether all are.
     lost
@@ -348,7 +348,7 @@ def _pixel_arrays(array: PixelArray) -> PixelArrays | None:
 
 def _estimate_arrays(controller: EventController, seconds: list[float]) -> EstimateArrays | None:
     known, target = controller.references.intervals, controller.problem.set_point_luminosity
-    if known.has_lost or not known.known.all() or controller.is_blind:
+    if known.has_lost or not known.known.all() or controller.lacks_pixels:
         return None
     if not np.all(known.signs == 1) or known.estimate.size > FEW_PIXELS:
         return None

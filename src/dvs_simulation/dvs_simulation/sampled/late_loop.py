@@ -64,10 +64,11 @@ class LatePath:
     Parameters
     ----------
     deviations
-        ``x - x_d`` at all ticks, shape (K TICKS, n); NaN from a dark pixel on.
+        ``x - x_d`` at all ticks, shape (K TICKS, n); NaN from a luminosity
+        that is not positive on.
     counts
-        Sum of the polarities of every pixel up to every sample, shape (K, r); those of a dark
-        pixel's last period and later are zero.
+        Sum of the polarities of every pixel up to every sample, shape (K, r); those from the
+        last period before a luminosity that is not positive on are zero.
     """
 
     deviations: FloatArray

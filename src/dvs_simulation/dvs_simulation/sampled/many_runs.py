@@ -27,12 +27,12 @@ class ManyRuns:
     Parameters
     ----------
     states
-        x at every sample, shape (K, N + 1, n); NaN from where a pixel went dark.
+        x at every sample, shape (K, N + 1, n); NaN from the first luminosity that is not positive.
     commands
-        u_o that answers every sample, shape (K, N + 1, m); where the packet was lost, and after a
-        pixel went dark, zero.
+        u_o that answers every sample, shape (K, N + 1, m); where the packet was lost, and after
+        a luminosity that is not positive, zero.
     samples
-        Samples before a pixel went dark, N + 1 where none did, shape (K,).
+        Samples before a luminosity that is not positive, N + 1 where none did, shape (K,).
     compiled
         Whether compiled code ran it, shape (K,); the numbers are the same.
     """

@@ -41,7 +41,7 @@ class LossyRun:
 
 
 def worst_error(scenario: Scenario, run: LossyRun, design: Design | None = None) -> float:
-    """Largest ``||W (x - x_d)||`` once the loop has settled; infinite where the light goes out.
+    """Largest ``||W (x - x_d)||`` once settled; infinite after a luminosity that is not positive.
 
     The cores of the nodes take turns; only the first packet is sure to arrive. The run ends where
     the error exceeds the tolerance tenfold.

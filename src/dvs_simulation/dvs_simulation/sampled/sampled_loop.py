@@ -163,7 +163,7 @@ def run_by_messages(
         state = plant_input.moving.state
         image = _publish_sample(run, scenario, scene, state, sees(state) + unknown, stamp_ns)
         packets = _expose(run, camera, image)
-        _tell(controller, camera, frames, image, is_first=not sample)
+        _give_references(controller, camera, frames, image, is_first=not sample)
         if not plant_input.schedule.lost[sample]:
             plant_input.commands[sample] = _command(run, controller, packets)
         if sample < scenario.sample_count:
@@ -238,7 +238,7 @@ def _expose(run: SampledRun, camera: EventCamera, image: bytes) -> list[bytes]:
     return packets
 
 
-def _tell(
+def _give_references(
     controller: EventController,
     camera: EventCamera,
     frames: AnchorFrames | None,

@@ -219,7 +219,9 @@ def in_error(model: PlantModel, freedom: Freedom, size: float) -> PlantModel:
 
 
 def largest_start(problem: DesignProblem) -> float:
-    """Size of the deviations from which runs begin: the tolerance, where light stays on.
+    """Size of the deviations from which runs begin: at most the tolerance.
+
+    Less where a luminosity would not stay positive.
 
     Parameters
     ----------

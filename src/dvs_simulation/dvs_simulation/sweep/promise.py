@@ -90,7 +90,7 @@ class PromiseSummary:
     Parameters
     ----------
     runs
-        Runs with light to their end.
+        Runs with positive luminosities to their end.
     plants
         Different plants among them.
     violations
@@ -98,9 +98,9 @@ class PromiseSummary:
     tightest
         Largest ``limsup / eps`` of a settled run.
     dark
-        Runs that a dark pixel ended.
-    dark_in_spite
-        Those of them for which light was promised from the start.
+        Runs that ended at a luminosity that is not positive.
+    dark_though_promised
+        Those of them for which positive luminosities were promised from the start.
     unsettled
         Runs that were outside the tolerance and still falling when they ended.
     """
@@ -110,7 +110,7 @@ class PromiseSummary:
     violations: int
     tightest: float
     dark: int
-    dark_in_spite: int
+    dark_though_promised: int
     unsettled: int
 
 
@@ -288,9 +288,9 @@ class End:
     Parameters
     ----------
     limsup
-        Largest deviation of its last fifth; NaN after a dark pixel.
+        Largest deviation of its last fifth; NaN after a luminosity that is not positive.
     settled
-        Whether it was within the tolerance then, or fell no more; False after a dark pixel.
+        Whether it was within the tolerance then, or fell no more; False where `limsup` is NaN.
     """
 
     limsup: float
@@ -323,8 +323,8 @@ def _settled(case: PromiseCase, freedom: Freedom) -> End:
     return end
 
 
-def _light_is_promised(case: PromiseCase, freedom: Freedom) -> bool:
-    """Whether bounds from the start on exist: no pixel can become dark within them."""
+def _positive_is_promised(case: PromiseCase, freedom: Freedom) -> bool:
+    """Whether bounds from the start on exist: every luminosity is positive within them."""
     start = freedom.start * largest_start(case.problem)
     held = held_from(case.problem, case.controller, case.h_certified, start=start)
     return math.isfinite(held.error)
@@ -350,7 +350,7 @@ def _row(seed: int, case: PromiseCase, freedom: Freedom) -> Row:
         'limsup': end.limsup,
         'ratio': end.limsup / case.problem.tolerance,
         'settled': end.settled,
-        'light_promised': math.isnan(end.limsup) and _light_is_promised(case, freedom),
+        'light_promised': math.isnan(end.limsup) and _positive_is_promised(case, freedom),
     }
 
 
@@ -372,6 +372,6 @@ def summarize_promise(rows: list[dict[str, str]]) -> PromiseSummary:
         violations=int(np.sum(~kept(ratios[settled]))),
         tightest=float(ratios[settled].max(initial=0.0)),
         dark=int(np.sum(~lit)),
-        dark_in_spite=int(np.sum(promised)),
+        dark_though_promised=int(np.sum(promised)),
         unsettled=int(np.sum(lit & ~settled)),
     )

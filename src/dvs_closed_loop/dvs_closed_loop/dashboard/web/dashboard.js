@@ -57,7 +57,7 @@ function connect() {
   source.addEventListener('past', (event) => {
     forget();
     for (const frame of JSON.parse(event.data)) take(frame);
-    // What has been is no sign of life.
+    // Frames of the past do not show that the loop runs now.
     if (movedAt) movedAt = -Infinity;
   });
   source.onmessage = (event) => take(JSON.parse(event.data));
