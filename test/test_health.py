@@ -102,14 +102,14 @@ def test_a_certificate_that_cannot_be_worked_out_is_named_and_the_loop_goes_on(d
     with operating(domain) as operator:
         messages = operator.collect(DiagnosticArray, '/diagnostics', 100)
 
-        def told():
+        def figures():
             status = latest(messages, 'hinf_controller')
             return {} if status is None else values(status)
 
         assert operator.spin_until(
-            lambda: told().get('h_certified') == 'none: SVD did not converge'
+            lambda: figures().get('h_certified') == 'none: SVD did not converge'
         )
-        assert told()['h <= h_certified'] == 'none: SVD did not converge'
+        assert figures()['h <= h_certified'] == 'none: SVD did not converge'
         # It goes on reporting.
         messages.clear()
         assert operator.spin_until(lambda: len(messages) > 1)

@@ -137,7 +137,7 @@ def _bode_figure() -> Callable[[Sequence[Design], Path], None]:
 
 
 def _pareto(scenario: Scenario, path: Path) -> None:
-    # A missing matplotlib is told before the designs.
+    # A missing matplotlib is reported before the designs.
     from dvs_hinf_controller.design.pareto_figure import save_pareto
 
     points: list[ParetoPoint] = []

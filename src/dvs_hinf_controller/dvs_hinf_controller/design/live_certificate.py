@@ -118,6 +118,6 @@ class LiveCertificate:
         try:
             problem = self._design.problem.of_pixels(pixels)
             figures.set_result(measure(problem, self._design.controller))
-        # Whatever it is, it is told where the figures are asked for.
+        # Whatever it is, it is reported where the figures are asked for.
         except Exception as error:
             figures.set_exception(error)
