@@ -139,7 +139,7 @@ SINGLE_HOMES = {
     'dvs_common.node.session': r'\bEventsExecutor\(|\brclpy\.init\(',
     # As ast.unparse writes 10**9, 1_000_000_000, * 1e9, 1e9 / and * 1e-9.
     'dvs_common.nanoseconds': r'10 \*\* 9|\b10{9}\b(?!\.)|\* 10{9}\.0|\b10{9}\.0 /|\* 1e-09',
-    'dvs_common.scenario.reachability': r'\bmatrix_rank\(|\bRANK_TOLERANCE = ',
+    'dvs_common.scenario.reachability': r'\bmatrix_rank\(|\b_?RANK_TOLERANCE = ',
     'dvs_simulation.judging.measures': r'linalg\.norm\([^()]*equilibrium'
     r'|[<>]=? [\w.]*objective\.tolerance\b|limsup\w* [<>]=? [\w.]*tolerance|[<>]=? 1 \+ 1e-09',
 }

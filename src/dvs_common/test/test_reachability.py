@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvs_common.scenario.reachability import unreachable_unstable_mode
+from dvs_common.scenario.reachability import has_full_column_rank, unreachable_unstable_mode
 
 
 def jordan(mode, size):
@@ -69,3 +69,25 @@ def test_a_random_plant_is_reached_and_an_unstable_block_set_aside_is_found(seed
     assert mode is not None
     assert (mode.real, abs(mode.imag)) == pytest.approx((0.1, 1.0), rel=1e-6)
     assert inside is None
+
+
+@pytest.mark.parametrize(
+    ('matrix', 'full'),
+    [
+        (np.eye(3)[:, :2], True),
+        (np.array([[1.0, 1e-8], [0.0, 1e-8]]), True),
+        (np.array([[1.0, 1.0], [2.0, 2.0 + 1e-12]]), False),
+        (np.array([[1.0, 1.0j], [1.0j, -1.0]]), False),
+        (1e-200 * np.eye(2), True),
+        (np.zeros((2, 1)), False),
+        (np.ones((1, 2)), False),
+        (np.zeros((2, 0)), True),
+    ],
+)
+def test_columns_are_of_full_rank_where_none_is_a_sum_of_others(matrix, full):
+    assert has_full_column_rank(matrix) is full
+
+
+def test_a_scale_says_what_is_small():
+    assert has_full_column_rank(1e-8 * np.eye(2), scale=1.0)
+    assert not has_full_column_rank(1e-10 * np.eye(2), scale=1.0)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dvs_common.arrays import FloatArray
 
@@ -65,6 +69,24 @@ def unreachable_basis(a: FloatArray, b: FloatArray) -> FloatArray:
         basis = grown
     left: FloatArray = np.linalg.svd(basis, full_matrices=True)[0]
     return left[:, basis.shape[1] :]
+
+
+def has_full_column_rank(matrix: NDArray[np.inexact[Any]], *, scale: float | None = None) -> bool:
+    """Whether no column is a sum of others, within `RANK_TOLERANCE`.
+
+    Parameters
+    ----------
+    matrix
+        Shape (m, n), real or complex.
+    scale
+        What the least singular value is compared with; the largest one by default.
+    """
+    if matrix.shape[0] < matrix.shape[1]:
+        return False
+    s = np.linalg.svd(matrix, compute_uv=False)
+    if scale is None:
+        scale = max(float(np.max(s, initial=0.0)), 1e-300)
+    return bool(np.min(s, initial=math.inf) > RANK_TOLERANCE * scale)
 
 
 def null_space_projector(matrix: FloatArray) -> FloatArray:

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvs_common.arrays import FloatArray
-from dvs_common.scenario.reachability import unreachable_unstable_mode
+from dvs_common.scenario.reachability import has_full_column_rank, unreachable_unstable_mode
 from dvs_hinf_controller.state_space import GeneralizedPlant, StateSpace, balanced
 from dvs_hinf_controller.synthesis.gamma_search import GammaSearch, GammaTest
 from dvs_hinf_controller.synthesis.riccati import is_semidefinite, stabilizing_solution
 from dvs_hinf_controller.synthesis.synthesis_error import Assumption, SynthesisError
-
-_RANK_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +182,7 @@ def require_assumptions(plant: GeneralizedPlant) -> None:
             Assumption.DETECTABILITY, f'y does not show the unstable mode s = {mode:.6g}'
         )
     for name, matrix in (('D12', plant.d12), ('D21 transposed', plant.d21.T)):
-        if not _full_column_rank(matrix):
+        if not has_full_column_rank(matrix):
             raise SynthesisError(
                 Assumption.RANK,
                 f'{name} has no full column rank; add a cost on u and noise on y to regularise',
@@ -277,24 +275,16 @@ def _failure(test: GammaTest) -> SynthesisError:
     return SynthesisError(test.failure, f'{texts[test.failure]} at gamma = {test.gamma:.6g}')
 
 
-def _full_column_rank(matrix: FloatArray) -> bool:
-    if matrix.shape[0] < matrix.shape[1]:
-        return False
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return bool(values.size == 0 or values[-1] > _RANK_TOLERANCE * max(float(values[0]), 1e-300))
-
-
 def _axis_zero(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> float | None:
     """Zero on the axis of a plant whose `d` has full column rank (ZDG 1996, lemma 13.9)."""
     weight = np.linalg.inv(d.T @ d)
     drift = a - b @ weight @ d.T @ c
     projected = c - d @ weight @ d.T @ c
+    scale = max(1.0, float(np.linalg.norm(drift)))
     for mode in np.linalg.eigvals(drift):
-        if abs(mode.real) > 1e-9 * max(1.0, float(np.linalg.norm(drift))):
+        if abs(mode.real) > 1e-9 * scale:
             continue
         pencil = np.vstack([drift - mode * np.eye(len(a)), projected])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK_TOLERANCE * max(
-            1.0, float(np.linalg.norm(drift))
-        ):
+        if not has_full_column_rank(pencil, scale=scale):
             return float(abs(mode.imag))
     return None
