@@ -22,7 +22,7 @@ from dvs_hinf_controller.analysis.largest_threshold import (
 from dvs_hinf_controller.analysis.lifted_loop import LiftedLoop, Timing
 from dvs_hinf_controller.analysis.promise import Promise
 from dvs_hinf_controller.analysis.sampled_gains import SampledGains
-from dvs_hinf_controller.analysis.thresholds import certified_uncertainty, event_threshold
+from dvs_hinf_controller.analysis.thresholds import event_threshold
 from dvs_hinf_controller.design import Design, design_from_scenario
 from dvs_hinf_controller.design.certification import farthest_start, held_from
 from dvs_hinf_controller.design.design_report import as_json_object, report_text
@@ -70,11 +70,11 @@ def test_thresholds_of_held_and_late_commands(designs, method, period, latency, 
         design.problem.model, design.controller, Timing(period=period, latency=latency)
     )
     gains = SampledGains(loop).of_measurement()
-    delta = certified_uncertainty(
-        design.problem, state_peak_gain=gains.error, output_peak_gain=float(gains.output[0])
-    )
+    problem = design.problem
+    fed_back = problem.tolerance * float(gains.output[0])
+    delta = problem.tolerance / (gains.error * problem.mean_luminosity + fed_back)
 
-    assert event_threshold(design.problem, delta) == pytest.approx(threshold, abs=7e-4)
+    assert event_threshold(problem, delta) == pytest.approx(threshold, abs=7e-4)
 
 
 def threshold(design: Design, **operation) -> float:

@@ -6,7 +6,7 @@ import scipy.integrate
 import scipy.linalg
 
 from dvs_common.scenario.model import PlantModel
-from dvs_hinf_controller.analysis.sampling import max_sampling_period, sampled_matrix
+from dvs_hinf_controller.analysis.sampling import SampledLoop, max_sampling_period
 from dvs_hinf_controller.controller import LinearController
 from dvs_hinf_controller.synthesis.options import DesignOptions
 from dvs_hinf_controller.synthesis.rolled_off import synthesize_rolled_off
@@ -25,6 +25,13 @@ def first_order(a: float) -> PlantModel:
     return PlantModel(
         state_matrix=np.array([[a]]), input_matrix=np.ones((1, 1)), output_vector=np.ones(1)
     )
+
+
+def maps_over(model: PlantModel, controller: LinearController, period: float) -> list[np.ndarray]:
+    """Maps of (x, xc) over a period, with a sensor that sees all and one that interpolates."""
+    loop = SampledLoop.of(model, controller)
+    flow = loop.flow_over(np.array(period))
+    return [loop.map(flow), loop.interpolated_map(flow, np.array(period))]
 
 
 def test_sampled_map_is_the_integrated_loop(paper_model: PlantModel) -> None:
@@ -47,9 +54,8 @@ def test_sampled_map_is_the_integrated_loop(paper_model: PlantModel) -> None:
         )
 
     end = scipy.integrate.solve_ivp(flow, (0, 0.02), start, rtol=1e-11, atol=1e-13, method='Radau')
-    np.testing.assert_allclose(
-        sampled_matrix(paper_model, controller, 0.02) @ start, end.y[:, -1], rtol=1e-7, atol=1e-8
-    )
+    seen_all_along, _ = maps_over(paper_model, controller, 0.02)
+    np.testing.assert_allclose(seen_all_along @ start, end.y[:, -1], rtol=1e-7, atol=1e-8)
 
 
 def test_with_a_camera_that_interpolates_k_sees_a_straight_line(paper_model: PlantModel) -> None:
@@ -71,8 +77,8 @@ def test_with_a_camera_that_interpolates_k_sees_a_straight_line(paper_model: Pla
     for middle in seen[1::2]:
         xc = flow[:k, :k] @ xc + flow[:k, k] * middle
 
-    end = sampled_matrix(paper_model, controller, period, interpolates=True) @ start
-    np.testing.assert_allclose(end, np.concatenate([x, xc]), rtol=1e-5, atol=1e-7)
+    _, interpolated = maps_over(paper_model, controller, period)
+    np.testing.assert_allclose(interpolated @ start, np.concatenate([x, xc]), rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.parametrize('gain', [1.1, 3.0])
@@ -93,10 +99,7 @@ def test_a_longer_period_is_unstable_and_a_shorter_one_stable(paper_model: Plant
     def radius(period: float) -> float:
         return max(
             float(np.abs(np.linalg.eigvals(matrix)).max())
-            for matrix in (
-                sampled_matrix(paper_model, controller, period),
-                sampled_matrix(paper_model, controller, period, interpolates=True),
-            )
+            for matrix in maps_over(paper_model, controller, period)
         )
 
     assert radius(1.002 * longest) >= 1

@@ -19,36 +19,6 @@ _SHORTEST = 1e-8
 _AT_ONCE = 10
 
 
-def sampled_matrix(
-    model: PlantModel, controller: LinearController, period: float, *, interpolates: bool = False
-) -> FloatArray:
-    """One period of the nodes' own scheme, as a map of (x, xc) at the samples.
-
-    The plant holds ``u_k`` over the period; K sees ``c'x(t)`` all along and is advanced exactly;
-    ``u_k = Cc xc_k + Dc c'x_k`` (the limit of a fine event threshold).
-
-    Parameters
-    ----------
-    model
-        Plant.
-    controller
-        K.
-    period
-        Sampling period, s.
-    interpolates
-        Whether K sees a straight line between the samples instead, as the simulated camera shows
-        it: there a logarithm, which is a straight line, too, near the set-point.
-
-    Returns
-    -------
-    FloatArray
-        Shape (n + k, n + k).
-    """
-    loop = _SampledLoop.of(model, controller)
-    flow = loop.flow_over(np.array(period))
-    return loop.interpolated_map(flow, np.array(period)) if interpolates else loop.map(flow)
-
-
 def is_stable_at(model: PlantModel, controller: LinearController, period: float) -> bool:
     """Whether the sampled loop is stable, with a sensor that sees all and one that interpolates.
 
@@ -61,12 +31,29 @@ def is_stable_at(model: PlantModel, controller: LinearController, period: float)
     period
         Sampling period, s.
     """
-    return bool(_SampledLoop.of(model, controller).is_stable_at(np.array(period)))
+    return bool(SampledLoop.of(model, controller).is_stable_at(np.array(period)))
 
 
 @dataclass(frozen=True, slots=True)
-class _SampledLoop:
-    """Flow of (x, u, xc) within a period, and (x, u, xc) at its start from (x, xc)."""
+class SampledLoop:
+    """One period of the nodes' own scheme, as maps of (x, xc) at the samples.
+
+    The plant holds ``u_k`` over the period; K is advanced exactly; ``u_k = Cc xc_k + Dc c'x_k``
+    (the limit of a fine event threshold).
+
+    Parameters
+    ----------
+    model
+        Plant, n states and m inputs.
+    controller
+        K, k states.
+    flow
+        Generator of (x, u, xc) within a period, shape (n + m + k, n + m + k).
+    start
+        (x, u, xc) at its start from (x, xc), shape (n + m + k, n + k).
+    kept
+        Places of (x, xc) in (x, u, xc), shape (n + k,).
+    """
 
     model: PlantModel
     controller: LinearController
@@ -75,7 +62,16 @@ class _SampledLoop:
     kept: NDArray[np.intp]
 
     @classmethod
-    def of(cls, model: PlantModel, controller: LinearController) -> _SampledLoop:
+    def of(cls, model: PlantModel, controller: LinearController) -> SampledLoop:
+        """Loop of a plant and a controller.
+
+        Parameters
+        ----------
+        model
+            Plant.
+        controller
+            K.
+        """
         n, m, k = model.state_count, model.input_count, controller.order
         c = model.gradients
         flow = np.zeros((n + m + k, n + m + k))
@@ -90,7 +86,13 @@ class _SampledLoop:
         return cls(model=model, controller=controller, flow=flow, start=start, kept=kept)
 
     def is_stable_at(self, periods: FloatArray) -> NDArray[np.bool_]:
-        """Of each of the periods."""
+        """Whether the loop is stable with each of the periods, and either of the two maps.
+
+        Parameters
+        ----------
+        periods
+            Sampling periods, s, shape (...).
+        """
         flows = self.flow_over(periods)
         interpolated = self.interpolated_map(flows, periods)
         return np.asarray(
@@ -98,13 +100,38 @@ class _SampledLoop:
         )
 
     def flow_over(self, periods: FloatArray) -> FloatArray:
+        """Where (x, u, xc) go within a period, shape (..., n + m + k, n + m + k).
+
+        Parameters
+        ----------
+        periods
+            Sampling periods, s, shape (...).
+        """
         return _expm(np.multiply.outer(periods, self.flow))
 
     def map(self, flows: FloatArray) -> FloatArray:
+        """Map of (x, xc) where K sees ``c'x(t)`` all along, shape (..., n + k, n + k).
+
+        Parameters
+        ----------
+        flows
+            What `flow_over` gives for the periods.
+        """
         return (flows @ self.start)[..., self.kept, :]
 
     def interpolated_map(self, flows: FloatArray, periods: FloatArray) -> FloatArray:
-        """K is driven by c'x of the sample, and by its growth up to the next one."""
+        """Map of (x, xc) where K sees a straight line between samples, as the camera shows it.
+
+        There it is a logarithm, which is a straight line, too, near the set-point. K is driven by
+        c'x of the sample, and by its growth up to the next one.
+
+        Parameters
+        ----------
+        flows
+            What `flow_over` gives for the periods.
+        periods
+            Sampling periods, s, shape (...).
+        """
         n, k, c = self.model.state_count, self.controller.order, self.model.gradients
         inputs, groups = self.model.input_count, len(c)
         # The plant's flow does not depend on xc.
@@ -141,7 +168,7 @@ def max_sampling_period(model: PlantModel, controller: LinearController) -> floa
         Zero only where rounding hides that the continuous loop is stable. Infinite if no period
         up to 1000 time constants of the slowest pole is too long.
     """
-    loop = _SampledLoop.of(model, controller)
+    loop = SampledLoop.of(model, controller)
     rates = np.abs(
         np.linalg.eigvals(scipy.linalg.block_diag(model.state_matrix, controller.state_matrix))
     )
@@ -163,7 +190,7 @@ def max_sampling_period(model: PlantModel, controller: LinearController) -> floa
     return math.inf
 
 
-def _edge(loop: _SampledLoop, low: float, high: float) -> float:
+def _edge(loop: SampledLoop, low: float, high: float) -> float:
     """Where between a stable and an unstable period stability ends, to a thousandth."""
     while high > low * 1.001:
         middle = math.sqrt(low * high)

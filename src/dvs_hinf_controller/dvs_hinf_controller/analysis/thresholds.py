@@ -1,4 +1,4 @@
-"""Event thresholds: as published (Theorems 1 and 2), and one that is a guarantee."""
+"""Event thresholds as published (Theorems 1 and 2)."""
 
 from __future__ import annotations
 
@@ -24,33 +24,8 @@ def published_uncertainty(
     dc_gain_w2
         ``||Gw2(0)|| = ||G(0)||``.
     """
-    return _ratio(
-        problem.tolerance,
-        dc_gain_w2 * problem.rms_luminosity + problem.tolerance * dc_gain_w1,
-    )
-
-
-def certified_uncertainty(
-    problem: DesignProblem, *, state_peak_gain: float, output_peak_gain: float
-) -> float:
-    """``delta_certified = eps / (N_G Dbar + eps N_T)``: holds for every time-varying Delta.
-
-    From ``limsup ||x|| <= N_G delta Dbar / (1 - delta N_T)`` (docs/theory.md, "A threshold that is
-    a guarantee").
-
-    Parameters
-    ----------
-    problem
-        Tolerance and luminosities.
-    state_peak_gain
-        N_G, upper bound of the peak gain from w to ``||x||``.
-    output_peak_gain
-        N_T, upper bound of the peak gain from w to ``c'x``.
-    """
-    return _ratio(
-        problem.tolerance,
-        state_peak_gain * problem.mean_luminosity + problem.tolerance * output_peak_gain,
-    )
+    gain = dc_gain_w2 * problem.rms_luminosity + problem.tolerance * dc_gain_w1
+    return problem.tolerance / gain if gain > 0 else math.inf
 
 
 def event_threshold(problem: DesignProblem, uncertainty: float) -> float:
@@ -90,7 +65,3 @@ def small_gain_holds(uncertainty: float, hinf_gain_w1: float) -> bool:
         ``||Gw1||_inf``, an upper bound.
     """
     return bool(min(uncertainty, 1.0) * hinf_gain_w1 < 1)
-
-
-def _ratio(numerator: float, denominator: float) -> float:
-    return numerator / denominator if denominator > 0 else math.inf
