@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.linalg
 
 from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_hinf_controller.controller import LinearController
 from dvs_simulation.exact import ClosedLoop
+from dvs_simulation.sweep.random_loops import lqg_controller
 
 OFFSETS = 0.01 * np.array(
     [[0, 0], [1, 0], [-1, 0], [-1, 1], [0, 1], [1, 1], [1, -1], [0, -1], [-1, -1]]
@@ -23,21 +23,6 @@ def paper_plant() -> PlantModel:
         state_matrix=[[2, 10], [0, 5]],
         input_matrix=[[1], [1]],
         output_vector=np.array([2, 1]) / math.sqrt(5),
-    )
-
-
-def lqg(model: PlantModel, *, cost: float = 0.01, noise: float = 0.01) -> LinearController:
-    """LQG controller with unit state weights."""
-    a, b, c = model.state_matrix, model.input_matrix, model.output_vector[:, None]
-    n, m = b.shape
-    p = scipy.linalg.solve_continuous_are(a, b, np.eye(n), cost * np.eye(m))
-    s = scipy.linalg.solve_continuous_are(a.T, c, np.eye(n), noise * np.eye(1))
-    gain, filter_gain = b.T @ p / cost, s @ c / noise
-    return LinearController(
-        state_matrix=a - b @ gain - filter_gain @ c.T,
-        input_vector=filter_gain[:, 0],
-        output_matrix=-gain,
-        feedthrough=np.zeros(m),
     )
 
 
@@ -61,7 +46,7 @@ def mirror_loop(
         model=model,
         equilibrium=held,
         scene=scene,
-        controller=controller or lqg(model),
+        controller=controller or lqg_controller(model, cost=0.01, noise=0.01),
         bounds=ReferenceBounds.around(scene.luminosity(model, start), 0.002),
         initial_state=start,
         event_threshold=threshold,
@@ -73,7 +58,7 @@ def mirror_loop(
 
 def stiff_controller(model: PlantModel, pole: float = -1e6) -> LinearController:
     """LQG whose output passes a fast roll-off, as near-optimal controllers have it."""
-    base = lqg(model)
+    base = lqg_controller(model, cost=0.01, noise=0.01)
     k = base.order
     return LinearController(
         state_matrix=np.block(

@@ -1,7 +1,6 @@
 """The sector bound at every instant of random loops: the best invariant that there is."""
 
 import numpy as np
-from closed_loop_cases import lqg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -9,6 +8,7 @@ from dvs_common.scenario.model import PixelScene, PlantModel
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 from dvs_simulation.exact import ClosedLoop, simulate
 from dvs_simulation.exact.signals import counts_at, luminosities, sector_ratios
+from dvs_simulation.sweep.random_loops import lqg_controller
 
 
 def random_loop(
@@ -33,7 +33,9 @@ def random_loop(
         model=model,
         equilibrium=held,
         scene=scene,
-        controller=lqg(model, cost=10.0 ** rng.uniform(-2, 0), noise=10.0 ** rng.uniform(-2, 0)),
+        controller=lqg_controller(
+            model, cost=10.0 ** rng.uniform(-2, 0), noise=10.0 ** rng.uniform(-2, 0)
+        ),
         bounds=bounds,
         initial_state=start,
         event_threshold=threshold,

@@ -38,6 +38,28 @@ class Interval:
     shift: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class News:
+    """Pixels with news in an interval.
+
+    Parameters
+    ----------
+    found
+        The pixels, shape (k,).
+    levels
+        Their levels at the end of the interval, at its start, and of earlier samples.
+    interval
+        The interval.
+    edges
+        Out: levels between which each is silent from now on, shape (2, k).
+    """
+
+    found: NDArray[np.int32]
+    levels: list[FloatArray]
+    interval: Interval
+    edges: FloatArray
+
+
 class Firing(Protocol):
     """What `compiled_pixels.CompiledPixels` asks of the law of its pixels."""
 
@@ -82,14 +104,7 @@ class Firing(Protocol):
         """
 
     def fire(
-        self,
-        place: int,
-        found: NDArray[np.int32],
-        levels: list[FloatArray],
-        interval: Interval,
-        keys: NDArray[np.int64],
-        used: int,
-        edges: FloatArray,
+        self, place: int, news: News, keys: NDArray[np.int64], used: int
     ) -> tuple[int, int, int]:
         """Events of some pixels, as `pixel_kernels.fire_ideal` gives them.
 
@@ -97,18 +112,12 @@ class Firing(Protocol):
         ----------
         place
             First of the pixels to deal with.
-        found
-            Pixels, shape (k,).
-        levels
-            Their levels at the end of the interval, at its start, and of earlier samples.
-        interval
-            The interval.
+        news
+            The pixels.
         keys
             Buffer of sort keys.
         used
             Events in it.
-        edges
-            Out: levels between which each is silent from now on, shape (2, k).
         """
 
 
@@ -158,20 +167,14 @@ class IdealFiring:
         return _NO_PIXEL
 
     def fire(
-        self,
-        place: int,
-        found: NDArray[np.int32],
-        levels: list[FloatArray],
-        interval: Interval,
-        keys: NDArray[np.int64],
-        used: int,
-        edges: FloatArray,
+        self, place: int, news: News, keys: NDArray[np.int64], used: int
     ) -> tuple[int, int, int]:
         """Events of some pixels; see `Firing.fire`."""
+        levels, interval = news.levels, news.interval
         earlier = [duration / self._durations[0] for duration in self._durations[1:]]
         a1, a2 = (*earlier, 0.0, 0.0)[:2]
         done: tuple[int, int, int] = self._kernels.fire_ideal(
-            found,
+            news.found,
             *(levels if self._cubic else 2 * levels),
             a1,
             a2,
@@ -184,7 +187,7 @@ class IdealFiring:
             interval.shift,
             keys,
             used,
-            edges,
+            news.edges,
         )
         return done
 
@@ -230,23 +233,16 @@ class ImperfectFiring:
         return self._state.shots.pixel[:-1]
 
     def fire(
-        self,
-        place: int,
-        found: NDArray[np.int32],
-        levels: list[FloatArray],
-        interval: Interval,
-        keys: NDArray[np.int64],
-        used: int,
-        edges: FloatArray,
+        self, place: int, news: News, keys: NDArray[np.int64], used: int
     ) -> tuple[int, int, int]:
         """Events of some pixels; see `Firing.fire`."""
-        state = self._state
+        state, interval = self._state, news.interval
         thresholds = slice(None) if state.own_thresholds else slice(1)
         done: tuple[int, int, int] = self._kernels.fire_imperfect(
             place,
-            found,
-            levels[0],
-            levels[1],
+            news.found,
+            news.levels[0],
+            news.levels[1],
             state.origin,
             state.present,
             state.ladder,
@@ -264,6 +260,6 @@ class ImperfectFiring:
             interval.shift,
             keys,
             used,
-            edges,
+            news.edges,
         )
         return done
