@@ -41,6 +41,7 @@ CORES = {
 }
 MOST_LINES = 400
 SAME_LINES = 10
+DATACLASS = {'frozen=True', 'slots=True', 'kw_only=True'}
 # Files that are written alike: colcon and pip read each package by itself, so that its setup.py
 # can import nothing of the others.
 MAY_REPEAT = ('/setup.py',)
@@ -157,6 +158,10 @@ def test_no_module_of_the_packages_the_tests_and_the_scripts_has_over_400_lines(
     assert {name: lines for name, lines in lengths.items() if lines > MOST_LINES} == {}
 
 
+def is_test(path):
+    return 'test' in path.relative_to(ROOT).parts[:-1]
+
+
 def docstring_of(node):
     body = getattr(node, 'body', None)
     first = body[0] if isinstance(body, list) and body else None
@@ -230,6 +235,32 @@ def test_a_call_that_is_spread_over_ten_lines_in_two_places_would_be_found():
     assert said_twice({'a': one, 'b': other}, written_lines)
     assert not said_twice({'a': one, 'b': other}, code_lines)
     assert not said_twice({'a': one, 'b': other.replace('3', '-3')}, written_lines)
+
+
+def loose_dataclasses(path):
+    """Dataclasses of a file that may change, take other attributes or are made by place."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        for decorator in node.decorator_list if isinstance(node, ast.ClassDef) else ():
+            name, *_ = ast.unparse(decorator).partition('(')
+            options = {*map(ast.unparse, getattr(decorator, 'keywords', ()))}
+            if name.endswith('dataclass') and not options >= DATACLASS:
+                yield node.name
+
+
+def test_dataclasses_are_frozen_slotted_and_keyword_only():
+    programs = {name: path for name, path in FILES.items() if not is_test(path)}
+    loose = {name: [*loose_dataclasses(path)] for name, path in programs.items()}
+
+    assert len(programs) > len(MODULES)
+    assert {name: found for name, found in loose.items() if found} == {}
+
+
+@pytest.mark.parametrize('arguments', ['', '()', '(frozen=True, slots=True)', '(kw_only=True)'])
+def test_a_dataclass_that_is_not_would_be_found(tmp_path, arguments):
+    path = tmp_path / 'module.py'
+    path.write_text(f'@dataclass{arguments}\nclass A:\n    x: int\n')
+
+    assert [*loose_dataclasses(path)] == ['A']
 
 
 COMPILERS = ('kernel', 'jit')

@@ -10,17 +10,23 @@ from dvs_simulation.cli import COMMANDS as SIMULATION_COMMANDS
 COMMANDS = {
     **SIMULATION_COMMANDS,
     'record': Command(
-        'dvs_closed_loop.commands.record', "record the loop's topics to a bag, without rosbag2"
+        module='dvs_closed_loop.commands.record',
+        summary="record the loop's topics to a bag, without rosbag2",
     ),
     'play': Command(
-        'dvs_closed_loop.commands.play', 'publish a bag again with its original spacing'
+        module='dvs_closed_loop.commands.play',
+        summary='publish a bag again with its original spacing',
     ),
-    'latency': Command('dvs_closed_loop.commands.latency', 'show where the time of a cycle goes'),
+    'latency': Command(
+        module='dvs_closed_loop.commands.latency', summary='show where the time of a cycle goes'
+    ),
     'report': Command(
-        'dvs_closed_loop.commands.report', 'make figures and an HTML report of a bag'
+        module='dvs_closed_loop.commands.report',
+        summary='make figures and an HTML report of a bag',
     ),
     'dashboard': Command(
-        'dvs_closed_loop.commands.dashboard', 'serve a live page of the running loop'
+        module='dvs_closed_loop.commands.dashboard',
+        summary='serve a live page of the running loop',
     ),
 }
 

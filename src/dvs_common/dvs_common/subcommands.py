@@ -12,7 +12,7 @@ from dvs_common.errors import SuiteError
 from dvs_common.program import importing
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
     """A subcommand.
 

@@ -8,7 +8,8 @@ from dvs_common.subcommands import Command, run_subcommand
 
 COMMANDS = {
     'simulate_video': Command(
-        'dvs_event_camera.tools.simulate_video', 'events of a video or a folder of pictures'
+        module='dvs_event_camera.tools.simulate_video',
+        summary='events of a video or a folder of pictures',
     ),
 }
 

@@ -8,11 +8,15 @@ from dvs_common.subcommands import Command, run_subcommand
 
 COMMANDS = {
     'simulate': Command(
-        'dvs_simulation.commands.simulate', 'run a scenario exactly, from event to event'
+        module='dvs_simulation.commands.simulate',
+        summary='run a scenario exactly, from event to event',
     ),
-    'sweep': Command('dvs_simulation.commands.sweep', 'Monte Carlo studies over exact runs'),
+    'sweep': Command(
+        module='dvs_simulation.commands.sweep', summary='Monte Carlo studies over exact runs'
+    ),
     'reproduce_paper': Command(
-        'dvs_simulation.commands.reproduce_paper', 'every figure and number of the paper'
+        module='dvs_simulation.commands.reproduce_paper',
+        summary='every figure and number of the paper',
     ),
 }
 

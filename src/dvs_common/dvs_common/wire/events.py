@@ -171,7 +171,7 @@ def pack_events(packet: EventPacket) -> bytes:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Layout:
     """The bytes that are the same in all packets: between stamp, count, size and events."""
 

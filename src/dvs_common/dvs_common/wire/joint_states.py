@@ -132,7 +132,7 @@ def parse_command(message: bytes) -> Vector:
     return _parse_joint_state(message, 'effort')
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Entries:
     """Where the values of a JointState stand, what they are called, and their order by name."""
 
@@ -173,11 +173,13 @@ def _read_joint_head(message: bytes, part: str) -> _Entries:
     if count != len(names):
         raise MessageError(f'{len(names)} names but {count} entries of {part}')
     order = _by_number(names)
-    if order == list(range(count)):
-        entries = _Entries(end - 8 * count, ends[-1], part, names, None)
-    else:
-        ordered = tuple(names[place] for place in order)
-        entries = _Entries(end - 8 * count, ends[-1], part, ordered, order)
+    entries = _Entries(
+        start=end - 8 * count,
+        size=ends[-1],
+        part=part,
+        names=tuple(names[place] for place in order),
+        order=None if order == list(range(count)) else order,
+    )
     if not any(counts[:which]) and not any(counts[which + 1 :]):
         _known_joints.add(message, entries.start, entries)
     return entries

@@ -10,7 +10,6 @@ import bz2
 import io
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -88,12 +87,12 @@ def scan_ros1(path: Path) -> Iterator[ScannedMessage]:
             raise ValueError(f'is damaged: {error}') from None
 
 
-@dataclass(slots=True)
 class _Scan:
     """What is known of the connections so far: topic and type of each number."""
 
-    types: Ros1Messages = field(default_factory=Ros1Messages)
-    connections: dict[bytes, tuple[str, str]] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self._types = Ros1Messages()
+        self._connections: dict[bytes, tuple[str, str]] = {}
 
     def messages(self, file: BinaryIO) -> Iterator[ScannedMessage]:
         while head := _part(file, may_end=True):
@@ -106,20 +105,20 @@ class _Scan:
             if kind == _CONNECTION:
                 self._connect(fields, _fields(data))
             elif kind == _MESSAGE:
-                topic, type_name = self.connections[fields['conn']]
+                topic, type_name = self._connections[fields['conn']]
                 seconds, nanoseconds = _STAMP.unpack(fields['time'])
                 yield ScannedMessage(
                     topic=topic,
                     type_name=type_name,
                     received_ns=seconds * NANOSECONDS + nanoseconds,
-                    data=self.types.cdr(data, type_name),
+                    data=self._types.cdr(data, type_name),
                 )
 
     def _connect(self, fields: dict[str, bytes], header: dict[str, bytes]) -> None:
         package, _, name = header['type'].decode().partition('/')
         type_name = f'{package}/msg/{name}'
-        self.types.register(type_name, header['message_definition'].decode())
-        self.connections[fields['conn']] = (fields['topic'].decode(), type_name)
+        self._types.register(type_name, header['message_definition'].decode())
+        self._connections[fields['conn']] = (fields['topic'].decode(), type_name)
 
 
 def _chunk(file: BinaryIO, compression: bytes) -> BinaryIO:

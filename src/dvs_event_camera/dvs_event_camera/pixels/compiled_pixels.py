@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from functools import reduce
 from itertools import pairwise
 from typing import Any
@@ -36,21 +35,18 @@ _UNSIGNED = ('u1', 'u2')
 _FLOATS = ('f4', 'f8')
 
 
-@dataclass(slots=True)
 class _Strip:
     """Some rows of the array, and what one thread needs to work on them."""
 
-    pixels: slice
-    mask: NDArray[np.uint8]
-    found: NDArray[np.int32]
-    keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(1024, np.int64))
-    used: int = 0
-    held: list[NDArray[np.int32]] = field(default_factory=list)
+    __slots__ = ('found', 'held', 'keys', 'mask', 'pixels', 'used')
 
-    @classmethod
-    def of(cls, first: int, last: int, tile: int) -> _Strip:
-        found = np.zeros(min(last - first, _BLOCK), np.int32)
-        return cls(slice(first, last), np.zeros(tile + 8, np.uint8), found)
+    def __init__(self, first: int, last: int, tile: int) -> None:
+        self.pixels = slice(first, last)
+        self.mask = np.zeros(tile + 8, np.uint8)
+        self.found = np.zeros(min(last - first, _BLOCK), np.int32)
+        self.keys = np.empty(1024, np.int64)
+        self.used = 0
+        self.held: list[NDArray[np.int32]] = []
 
 
 class CompiledPixels:
@@ -104,7 +100,7 @@ class CompiledPixels:
         cuts = np.linspace(0, origin.size, max(1, min(threads, origin.size)) + 1).astype(int)
         # Cache lines of the state belong to one thread.
         cuts[1:-1] = cuts[1:-1] // 64 * 64
-        self._strips = [_Strip.of(int(a), int(b), kernels.TILE) for a, b in pairwise(cuts)]
+        self._strips = [_Strip(int(a), int(b), kernels.TILE) for a, b in pairwise(cuts)]
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._invalid = 0
         self._forget_bands()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from dvs_event_camera.pixels.pixel_events import PixelEvents
 IndexArray = NDArray[np.int64]
 
 
-@dataclass(slots=True)
 class NoiseLabels:
     """Which events are noise: those that light did not cause, and those that undo them.
 
@@ -28,30 +26,21 @@ class NoiseLabels:
 
     Parameters
     ----------
-    owed
-        Polarity owed by noise, shape (r,).
-    leaked
-        ON events due to leakage so far, shape (r,).
+    pixel_count
+        Number of pixels r.
     kernels
         Module `pixel_kernels`, or None.
+
+    Attributes
+    ----------
+    owed
+        Polarity owed by noise, shape (r,).
     """
 
-    owed: IndexArray
-    leaked: IndexArray
-    kernels: Any = None
-
-    @classmethod
-    def of(cls, pixel_count: int, kernels: Any = None) -> NoiseLabels:
-        """Nothing owed.
-
-        Parameters
-        ----------
-        pixel_count
-            Number of pixels r.
-        kernels
-            Module `pixel_kernels`, or None.
-        """
-        return cls(np.zeros(pixel_count, np.int64), np.zeros(pixel_count, np.int64), kernels)
+    def __init__(self, pixel_count: int, kernels: Any = None) -> None:
+        self.owed: IndexArray = np.zeros(pixel_count, np.int64)
+        self._leaked: IndexArray = np.zeros(pixel_count, np.int64)
+        self._kernels = kernels
 
     def label(
         self, events: PixelEvents, leak: Leak | None, stamp_ns: int, elapsed_ns: int
@@ -71,11 +60,11 @@ class NoiseLabels:
         """
         if leak is not None:
             leaked = leak.due(elapsed_ns)
-            self.owed += leaked - self.leaked
-            self.leaked = leaked
+            self.owed += leaked - self._leaked
+            self._leaked = leaked
         noise = np.zeros(len(events), np.int8) if events.noise is None else events.noise.copy()
-        if self.kernels is not None:
-            self.kernels.label_events(events.pixel, events.polarity, noise, self.owed)
+        if self._kernels is not None:
+            self._kernels.label_events(events.pixel, events.polarity, noise, self.owed)
             return events.labelled(noise)
         concerned = self.owed != 0
         concerned[events.pixel[noise > 0]] = True
@@ -155,4 +144,4 @@ def noise_labels_of(
     """
     if imperfections.reset == 'level':
         return LevelNoiseLabels()
-    return NoiseLabels.of(pixel_count, kernels)
+    return NoiseLabels(pixel_count, kernels)

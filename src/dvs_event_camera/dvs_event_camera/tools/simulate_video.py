@@ -6,7 +6,6 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -176,11 +175,10 @@ def _sensor_events(events: PixelEvents, width: int, *, labelled: bool) -> Sensor
     )
 
 
-@dataclass(slots=True)
 class Tally:
     """Events a frame, for the summary and the figure.
 
-    Parameters
+    Attributes
     ----------
     stamps_ns
         Times of the frames, ns.
@@ -188,9 +186,10 @@ class Tally:
         ON and OFF events of the interval that each frame ends.
     """
 
-    stamps_ns: list[int] = field(default_factory=list)
-    on: list[int] = field(default_factory=list)
-    off: list[int] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.stamps_ns: list[int] = []
+        self.on: list[int] = []
+        self.off: list[int] = []
 
     def add(self, stamp_ns: int, events: PixelEvents) -> None:
         """Count the events of an interval.

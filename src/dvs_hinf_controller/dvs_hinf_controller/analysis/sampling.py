@@ -34,7 +34,7 @@ def is_stable_at(model: PlantModel, controller: LinearController, period: float)
     return bool(SampledLoop.of(model, controller).is_stable_at(np.array(period)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SampledLoop:
     """One period of the nodes' own scheme, as maps of (x, xc) at the samples.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -86,7 +86,7 @@ def synthesize_certified(problem: DesignProblem, options: DesignOptions) -> Line
     SynthesisError
         If no method finds a controller; with the reason of the first.
     """
-    search = _Search(problem=problem, options=options)
+    search = _Search(problem, options)
     if problem.model.group_count > 1:
         search.add_rival(partial(synthesize_groups, problem, options))
         best_weights(search.add_weighted, GroupWeights.first(search.disturbances))
@@ -117,15 +117,14 @@ class _Candidate:
     rival: bool
 
 
-@dataclass(slots=True, kw_only=True)
 class _Search:
     """Candidates, by the certificate of the problem."""
 
-    problem: DesignProblem
-    options: DesignOptions
-    candidates: list[_Candidate] = field(default_factory=list)
-    failures: list[Exception] = field(default_factory=list)
-    directions: list[FloatArray] = field(default_factory=list)
+    def __init__(self, problem: DesignProblem, options: DesignOptions) -> None:
+        self.problem, self.options = problem, options
+        self.candidates: list[_Candidate] = []
+        self.failures: list[Exception] = []
+        self.directions: list[FloatArray] = []
 
     @property
     def units(self) -> Units:

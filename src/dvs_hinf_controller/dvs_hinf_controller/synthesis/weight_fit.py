@@ -61,7 +61,7 @@ def fit_magnitude(frequencies: FloatArray, magnitude: FloatArray) -> WeightFit:
     return WeightFit(weight=best.realisation(), error=error)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Sections:
     gain: float
     sections: tuple[FloatArray, ...]
@@ -76,7 +76,7 @@ class _Sections:
 
     def with_vector(self, vector: FloatArray) -> _Sections:
         ends = np.cumsum([section.size for section in self.sections])
-        return _Sections(float(vector[0]), tuple(np.split(vector[1:], ends)[:-1]))
+        return _Sections(gain=float(vector[0]), sections=tuple(np.split(vector[1:], ends)[:-1]))
 
     def log_magnitude(self, frequencies: FloatArray) -> FloatArray:
         total = np.full(frequencies.size, self.gain)
@@ -129,7 +129,7 @@ def _extended(old: _Sections, kind: int, frequencies: FloatArray, target: FloatA
         _FIRST: np.array([centre - 0.1, centre + 0.1]),
         _SECOND: np.array([centre, -0.5, centre, -0.4]),
     }[kind]
-    new = _Sections(old.gain, (*old.sections, start))
+    new = _Sections(gain=old.gain, sections=(*old.sections, start))
     corners = np.log(frequencies[[0, -1]])
     low, high = [-np.inf], [np.inf]
     for section in new.sections:

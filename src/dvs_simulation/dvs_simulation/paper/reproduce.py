@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,11 +38,10 @@ _RUNS: tuple[tuple[Any, int, str], ...] = (
 )
 
 
-@dataclass(slots=True)
 class Results:
     """What the steps leave for each other.
 
-    Parameters
+    Attributes
     ----------
     experiments
         Runs by (example, r, method).
@@ -55,10 +53,11 @@ class Results:
         Run of the platform example, once it has been run.
     """
 
-    experiments: Experiments = field(default_factory=dict)
-    curves: list[ThresholdCurve] = field(default_factory=list)
-    counterexample: Counterexample | None = None
-    platform: Experiment | None = None
+    def __init__(self) -> None:
+        self.experiments: Experiments = {}
+        self.curves: list[ThresholdCurve] = []
+        self.counterexample: Counterexample | None = None
+        self.platform: Experiment | None = None
 
 
 def reproduce_paper(
