@@ -8,8 +8,10 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from checkout import add_output
 
 from dvs_common.nanoseconds import as_seconds
+from dvs_common.output_folder import output_folder
 from dvs_event_camera.pixels.imperfections import Imperfections
 from dvs_event_camera.pixels.photoreceptor import SignedLogPhotoreceptor
 from dvs_event_camera.pixels.pixel_array import PixelArray
@@ -205,11 +207,9 @@ def draw_renderings(folder: Path) -> None:
 
 def main() -> None:
     """Command line."""
-    default = Path(__file__).resolve().parents[1] / 'docs' / 'figures'
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--output', type=Path, default=default, metavar='FOLDER')
-    folder = parser.parse_args().output
-    folder.mkdir(parents=True, exist_ok=True)
+    add_output(parser)
+    folder = output_folder(parser.parse_args().output)
     for draw in (
         draw_pixel,
         draw_stamp_errors,

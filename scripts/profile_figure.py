@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from checkout import ROOT
+from checkout import ROOT, add_output
 from PIL import Image
 
 from dvs_common.arrays import FloatArray
+from dvs_common.output_folder import output_file
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_simulation import plotting
 from dvs_simulation.judging.measures import error
@@ -75,16 +76,14 @@ def _draw_error(axes: Any, scenario: Scenario, trace: Trace) -> None:
 def main() -> None:
     """Print the wall again and draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = ROOT / 'docs' / 'figures'
-    parser.add_argument('--output', type=Path, default=default, help='folder of the figure')
+    add_output(parser)
     parser.add_argument('--wall', type=Path, help='print the wall into this file first')
     options = parser.parse_args()
     scenario = load_scenario(SCENARIO)
     if options.wall:
         print_wall(options.wall, *scenario.profile.profile_range)
         scenario = scenario.replace(brightness_profile=str(options.wall))
-    options.output.mkdir(parents=True, exist_ok=True)
-    draw(scenario, options.output / 'printed_wall.png')
+    draw(scenario, output_file(options.output, 'printed_wall.png'))
 
 
 if __name__ == '__main__':

@@ -9,12 +9,12 @@ estimator that counts and takes the sensor for ideal.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
-from checkout import ROOT
+from checkout import ROOT, add_output
 from matplotlib.figure import Figure
 
+from dvs_common.output_folder import output_file
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_simulation.judging.measures import regulated
 from dvs_simulation.sampled.real_sensor import LossyRun, worst_error
@@ -54,8 +54,7 @@ def errors(scenario: Scenario, run: LossyRun, thresholds: list[float]) -> list[f
 def main() -> None:
     """Run all combinations, print the table and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = ROOT / 'docs' / 'figures' / 'real_sensor.png'
-    parser.add_argument('--output', type=Path, default=default, help='image file')
+    add_output(parser)
     parser.add_argument('--duration', type=float, default=60.0, help='simulated seconds of a run')
     parser.add_argument('--quick', action='store_true', help='one threshold, to see it work')
     options = parser.parse_args()
@@ -78,8 +77,7 @@ def main() -> None:
         axes.grid(alpha=0.3, which='both')
     panels[0].set(ylabel='worst ‖x − x_d‖ (dashed: ε)', ylim=(2e-3, 0.6))
     panels[0].legend(frameon=False, fontsize=8)
-    options.output.parent.mkdir(exist_ok=True)
-    figure.savefig(options.output, dpi=110)
+    figure.savefig(output_file(options.output, 'real_sensor.png'), dpi=110)
 
 
 if __name__ == '__main__':

@@ -8,10 +8,12 @@ import json
 from pathlib import Path
 
 from bench_scale import SIZES
+from checkout import ROOT, add_output
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-root = Path(__file__).resolve().parent.parent
+from dvs_common.output_folder import output_file
+
 # Node, colour, marker.
 NODES = (
     ('event_camera', '#0072B2', 'o'),
@@ -71,9 +73,9 @@ def per_cpu_second(figures: dict[str, float], label: str) -> dict[str, float]:
 def main() -> None:
     """Read the figures and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = root / 'docs' / 'benchmarks.json'
+    default = ROOT / 'docs' / 'benchmarks.json'
     parser.add_argument('--json', type=Path, default=default, help='figures of bench.sh')
-    parser.add_argument('--output', type=Path, default=root / 'docs' / 'figures' / 'scale.png')
+    add_output(parser)
     options = parser.parse_args()
     figures = json.loads(options.json.read_text(encoding='utf-8'))
     figure = Figure(figsize=(7, 9), layout='constrained')
@@ -92,8 +94,9 @@ def main() -> None:
     for axes in (rates, times, memory):
         axes.grid(True, which='major', alpha=0.3)
         axes.legend()
-    figure.savefig(options.output, dpi=120)
-    print(options.output)
+    output = output_file(options.output, 'scale.png')
+    figure.savefig(output, dpi=120)
+    print(output)
 
 
 if __name__ == '__main__':

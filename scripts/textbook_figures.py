@@ -7,8 +7,9 @@ import argparse
 import time
 from pathlib import Path
 
-from checkout import ROOT
+from checkout import ROOT, add_output
 
+from dvs_common.output_folder import output_folder
 from dvs_common.scenario.scenario import load_scenario
 from dvs_simulation.judging.figure import save_figure
 from dvs_simulation.judging.promised import Promised
@@ -40,13 +41,12 @@ def draw(file: Path, output: Path) -> None:
 def main() -> None:
     """Draw all of them, or the first."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = ROOT / 'docs' / 'figures'
-    parser.add_argument('--output', type=Path, default=default, help='folder of the figures')
+    add_output(parser)
     parser.add_argument('--quick', action='store_true', help='one plant, to see it work')
     options = parser.parse_args()
-    options.output.mkdir(parents=True, exist_ok=True)
+    output = output_folder(options.output)
     for file in PLANTS[-1:] if options.quick else PLANTS:
-        draw(file, options.output)
+        draw(file, output)
 
 
 if __name__ == '__main__':

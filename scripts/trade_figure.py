@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
-from checkout import ROOT
+from checkout import ROOT, add_output
 from matplotlib.figure import Figure
 
 from dvs_common.arrays import FloatArray
+from dvs_common.output_folder import output_file
 from dvs_common.scenario.scenario import load_scenario
 from dvs_hinf_controller.design.design import DesignFigures, design_controller
 from dvs_hinf_controller.problem import DesignProblem
@@ -33,8 +33,7 @@ def sweep(problem: DesignProblem, method: str, limits: FloatArray) -> list[Desig
 def main() -> None:
     """Sweep the scenario mirror_r1 and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    default = ROOT / 'docs' / 'figures' / 'bandwidth_trade.png'
-    parser.add_argument('--output', type=Path, default=default, help='image file')
+    add_output(parser)
     parser.add_argument('--quick', action='store_true', help='one limit, to see it work')
     options = parser.parse_args()
     limits = LIMITS[:1] if options.quick else LIMITS
@@ -63,8 +62,7 @@ def main() -> None:
     periods.set(xlabel='bandwidth_limit [rad/s]', ylabel='longest sampling period [ms]')
     for axes in (thresholds, periods):
         axes.grid(alpha=0.3, which='both')
-    options.output.parent.mkdir(exist_ok=True)
-    figure.savefig(options.output)
+    figure.savefig(output_file(options.output, 'bandwidth_trade.png'))
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS = ROOT / 'scripts'
 # Run by tests of their own, or with a browser only.
 ELSEWHERE = {
-    'checkout.py': 'what the others import to find the packages',
+    'checkout.py': 'what the others import to find the packages; test_output_option',
     'compile_kernels.py': 'setup.sh runs it, in every checkout that is tested',
     'dashboard_screenshot.py': 'needs chromium; the page itself is tested by test_dashboard',
     'library_doc.py': 'test_library',
@@ -26,10 +26,10 @@ COMMANDS = {
     'bench.py': ('--quick', '--json', 'OUTPUT/bench.json'),
     'figures_camera.py': ('--output', 'OUTPUT'),
     'profile_figure.py': ('--output', 'OUTPUT', '--wall', 'OUTPUT/wall.png'),
-    'real_sensor_table.py': ('--quick', '--duration', '1', '--output', 'OUTPUT/real.png'),
-    'scale_figure.py': ('--output', 'OUTPUT/scale.png'),
+    'real_sensor_table.py': ('--quick', '--duration', '1', '--output', 'OUTPUT'),
+    'scale_figure.py': ('--output', 'OUTPUT'),
     'textbook_figures.py': ('--quick', '--output', 'OUTPUT'),
-    'trade_figure.py': ('--quick', '--output', 'OUTPUT/trade.png'),
+    'trade_figure.py': ('--quick', '--output', 'OUTPUT'),
 }
 BENCHMARKS = {path.name for path in SCRIPTS.glob('bench_*.py')}
 KEYS = {
