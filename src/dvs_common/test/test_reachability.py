@@ -88,6 +88,6 @@ def test_columns_are_of_full_rank_where_none_is_a_sum_of_others(matrix, full):
     assert has_full_column_rank(matrix) is full
 
 
-def test_a_scale_says_what_is_small():
+def test_a_scale_decides_what_is_small():
     assert has_full_column_rank(1e-8 * np.eye(2), scale=1.0)
     assert not has_full_column_rank(1e-10 * np.eye(2), scale=1.0)
