@@ -22,7 +22,7 @@ from dvs_event_camera.pixels.bands import bands_for
 from dvs_event_camera.pixels.crossings import CountArray
 from dvs_event_camera.pixels.engine import TILE
 from dvs_event_camera.pixels.event_flood import require_bounded
-from dvs_event_camera.pixels.firing import Firing, Interval, News
+from dvs_event_camera.pixels.firing import ActivePixels, Firing, Interval
 from dvs_event_camera.pixels.level_stages import LevelStage
 from dvs_event_camera.pixels.photoreceptor import InvertiblePhotoreceptor, Photoreceptor
 from dvs_event_camera.pixels.pixel_events import KEY_BITS, PixelEvents
@@ -250,10 +250,10 @@ class CompiledPixels:
         if invalid:
             strip.held.append(held[:invalid])
         edges = np.empty((2, found.size))
-        news = News(found=found, levels=levels, interval=interval, edges=edges)
+        active = ActivePixels(found=found, levels=levels, interval=interval, edges=edges)
         place = 0
         while place < found.size:
-            place, strip.used, needed = self._firing.fire(place, news, strip.keys, strip.used)
+            place, strip.used, needed = self._firing.fire(place, active, strip.keys, strip.used)
             if place < found.size:
                 require_bounded(needed)
                 strip.keys = _grown(strip.keys, needed, interval.shift)

@@ -39,7 +39,7 @@ class Interval:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class News:
+class ActivePixels:
     """Pixels with news in an interval.
 
     Parameters
@@ -104,7 +104,7 @@ class Firing(Protocol):
         """
 
     def fire(
-        self, place: int, news: News, keys: NDArray[np.int64], used: int
+        self, place: int, active: ActivePixels, keys: NDArray[np.int64], used: int
     ) -> tuple[int, int, int]:
         """Events of some pixels, as `pixel_kernels.fire_ideal` gives them.
 
@@ -112,7 +112,7 @@ class Firing(Protocol):
         ----------
         place
             First of the pixels to deal with.
-        news
+        active
             The pixels.
         keys
             Buffer of sort keys.
@@ -167,14 +167,14 @@ class IdealFiring:
         return _NO_PIXEL
 
     def fire(
-        self, place: int, news: News, keys: NDArray[np.int64], used: int
+        self, place: int, active: ActivePixels, keys: NDArray[np.int64], used: int
     ) -> tuple[int, int, int]:
         """Events of some pixels; see `Firing.fire`."""
-        levels, interval = news.levels, news.interval
+        levels, interval = active.levels, active.interval
         earlier = [duration / self._durations[0] for duration in self._durations[1:]]
         a1, a2 = (*earlier, 0.0, 0.0)[:2]
         done: tuple[int, int, int] = self._kernels.fire_ideal(
-            news.found,
+            active.found,
             *(levels if self._cubic else 2 * levels),
             a1,
             a2,
@@ -187,7 +187,7 @@ class IdealFiring:
             interval.shift,
             keys,
             used,
-            news.edges,
+            active.edges,
         )
         return done
 
@@ -233,16 +233,16 @@ class ImperfectFiring:
         return self._state.shots.pixel[:-1]
 
     def fire(
-        self, place: int, news: News, keys: NDArray[np.int64], used: int
+        self, place: int, active: ActivePixels, keys: NDArray[np.int64], used: int
     ) -> tuple[int, int, int]:
         """Events of some pixels; see `Firing.fire`."""
-        state, interval = self._state, news.interval
+        state, interval = self._state, active.interval
         thresholds = slice(None) if state.own_thresholds else slice(1)
         done: tuple[int, int, int] = self._kernels.fire_imperfect(
             place,
-            news.found,
-            news.levels[0],
-            news.levels[1],
+            active.found,
+            active.levels[0],
+            active.levels[1],
             state.origin,
             state.present,
             state.ladder,
@@ -260,6 +260,6 @@ class ImperfectFiring:
             interval.shift,
             keys,
             used,
-            news.edges,
+            active.edges,
         )
         return done
