@@ -124,13 +124,6 @@ def test_pixels_without_figures_are_named_where_the_certificate_is_read(design, 
     assert set(shown.values()) == {f'none: {live.error}'}
 
 
-def test_a_pixel_group_without_a_pixel_has_no_figures(design):
-    live = LiveCertificate(design).of(np.zeros(3, bool))
-
-    assert live.delta_certified == 0
-    assert 'pixel group' in live.values(0.1)['h_certified']
-
-
 ENDLESS = """
 import threading
 import numpy as np
