@@ -105,7 +105,7 @@ def test_random_starts_within_the_promised_set_end_regulated(count, designed):
 
         assert verdict.regulated, f'{start}: {verdict}'
         assert verdict.sector_held
-        assert '(promised)' in str(verdict), verdict
+        assert '(promised for the linear model)' in str(verdict), verdict
 
 
 RENDERED = """

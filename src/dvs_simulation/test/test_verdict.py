@@ -198,6 +198,18 @@ def test_the_verdict_names_whether_the_promise_stood(h_certified, word):
     assert word in str(verdict)
 
 
+def test_of_a_plant_of_its_own_nothing_but_the_model_is_promised():
+    promised = dataclasses.replace(PROMISED, h_certified=math.inf)
+    scenario = SCENARIO.replace(plant_executable='./reactor.py')
+
+    verdict = judged(run([0.0, 0.01]), scenario, promised=promised)
+
+    assert not verdict.linear_plant
+    assert 'any (promised for the linear model)' in str(verdict)
+    unpromised = judged(run([0.0, 0.01]), scenario)
+    assert unpromised.promise == 'nothing promised'
+
+
 def budget(**changes):
     start = Budget(threshold=H, ignorance=USED - H, delta_certified=0.3)
     return dataclasses.replace(start, **changes)

@@ -173,7 +173,7 @@ def plant_program(scenario: Scenario, parameter_file: Path) -> tuple[str, str]:
 
 
 def _composed_program(scenario: Scenario, elsewhere: Collection[str]) -> tuple[str, str]:
-    if scenario.plant.plant_executable != SCHEMA['plant_executable'].default:
+    if not scenario.has_linear_plant:
         raise ParameterError(
             'plant_executable',
             scenario.plant.plant_executable,

@@ -14,7 +14,7 @@ from dvs_common.nanoseconds import NANOSECONDS, as_nanoseconds
 from dvs_common.scenario.brightness_profile import Linearisation
 from dvs_common.scenario.loop_file import read_loop_values
 from dvs_common.scenario.model import Equilibrium, PixelScene, PlantModel
-from dvs_common.scenario.parameters import Parameters
+from dvs_common.scenario.parameters import SCHEMA, Parameters
 from dvs_common.scenario.profile_file import as_text, read_profile
 from dvs_common.scenario.reference_bounds import ReferenceBounds
 
@@ -117,6 +117,11 @@ class Scenario(Parameters):
         return PixelScene.from_offsets(
             model, offsets, height=height, width=width, groups=self._groups(height, width)
         )
+
+    @property
+    def has_linear_plant(self) -> bool:
+        """Whether tools start `plant_sim`, the model itself, and no plant of its own."""
+        return bool(self.plant.plant_executable == SCHEMA['plant_executable'].default)
 
     @property
     def equilibrium(self) -> Equilibrium:

@@ -68,7 +68,7 @@ def start_up_report(design: Design, loop: RunningLoop, *, budget: Budget) -> Sta
     lines += [f'  {name:<{width}}  {value}' for name, value in rows]
     lines += [
         '  the promise covers: ' + '; '.join(cost.part for cost in figures.costs),
-        '  and not: noise events, lost messages, restarts, command_limit, the transient '
-        '(docs/promise.md)',
+        '  and not: noise events, lost messages, restarts, command_limit, the transient, '
+        'a plant that is not linear (docs/promise.md)',
     ]
     return StartUpReport(text='\n'.join(lines), warnings=design_warnings(design, loop))

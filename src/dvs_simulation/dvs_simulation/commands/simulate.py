@@ -14,7 +14,6 @@ import numpy as np
 from dvs_common.errors import ParameterError
 from dvs_common.output_folder import output_folder
 from dvs_common.scenario.loop_file import read_loop_values
-from dvs_common.scenario.parameters import SCHEMA
 from dvs_common.scenario.scenario import Scenario, load_scenario
 from dvs_common.writing import write_text
 from dvs_hinf_controller.design.design import Design, design_from_scenario
@@ -79,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None
     }
     scenario = scenario.replace(**changes)
-    if scenario.plant.plant_executable != SCHEMA['plant_executable'].default:
+    if not scenario.has_linear_plant:
         raise ParameterError(
             'plant_executable',
             scenario.plant.plant_executable,

@@ -92,6 +92,8 @@ class Verdict:
         Number of samples at which `brightness_profile` was left, or its `profile_reach`.
     uncovered
         What acted on the run and is no part of the promise; empty for nothing.
+    linear_plant
+        Whether the suite's linear plant ran; of any other only the model is known.
     certified
         Whether h is within it and what became of the references, too (of a sensor in error the
         latter decides), and nothing was uncovered: it was promised.
@@ -132,6 +134,7 @@ class Verdict:
     saturated_cycles: int
     cycles_beyond_profile: int
     uncovered: str
+    linear_plant: bool
     certified: bool
     budget_used: float
     budget_allowed: float | None
@@ -173,7 +176,7 @@ class Verdict:
     def promise(self) -> str:
         """Whether a promise stood for the run, and if not why."""
         if self.certified:
-            return 'promised'
+            return 'promised' if self.linear_plant else 'promised for the linear model'
         return f'nothing promised: {self.uncovered}' if self.uncovered else 'nothing promised'
 
     @property
@@ -336,6 +339,7 @@ def judge(
         saturated_cycles=saturated,
         cycles_beyond_profile=beyond,
         uncovered=uncovered,
+        linear_plant=scenario.has_linear_plant,
         certified=budget.is_certified and not uncovered,
         budget_used=worst.used,
         budget_allowed=None if math.isinf(worst.allowed) else worst.allowed,
