@@ -63,3 +63,31 @@ def test_the_page_takes_best_effort_and_reliable_publishers_alike(nodes, capfd):
     said = capfd.readouterr().err
     assert said.count('luminosity has a publisher with best-effort QoS') == 1
     assert 'command has' not in said
+
+
+def test_a_plant_in_place_of_the_one_before_is_another(nodes):
+    page, others, executor = nodes
+    listener = DashboardListener(page, LiveView())
+
+    def found(condition):
+        end = time.monotonic() + 30
+        while not condition() and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.05)
+        return condition()
+
+    first = others.create_publisher(Image, 'luminosity', 5)
+    assert found(lambda: page.count_publishers('luminosity') == 1)
+    assert not listener.finds_another_plant()
+    # Another publisher of the same plant, and a pause without any.
+    state = others.create_publisher(JointState, 'state', 5)
+    assert found(lambda: page.count_publishers('state') == 1)
+    assert not listener.finds_another_plant()
+    others.destroy_publisher(first)
+    others.destroy_publisher(state)
+    assert found(lambda: not page.count_publishers('luminosity'))
+    assert not listener.finds_another_plant()
+
+    others.create_publisher(Image, 'luminosity', 5)
+    assert found(lambda: page.count_publishers('luminosity') == 1)
+    assert listener.finds_another_plant()
+    assert not listener.finds_another_plant()

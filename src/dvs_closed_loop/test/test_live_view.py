@@ -10,6 +10,7 @@ from recording_cases import PERIOD_NS, packet, small_run
 
 from dvs_closed_loop import dashboard
 from dvs_closed_loop.dashboard.live_view import LiveView
+from dvs_common.nanoseconds import NANOSECONDS
 from dvs_common.scenario.scenario import Scenario
 from dvs_common.wire import topics
 from dvs_common.wire.events import LABELLED_EVENT_DTYPE, EventPacket, pack_events
@@ -94,6 +95,22 @@ def test_a_new_run_begins_at_zero():
     assert frame['time'] == 0.0
 
 
+def test_a_run_of_another_plant_begins_anew_whatever_its_stamps():
+    view = LiveView()
+    frame_of(view, small_run(100))
+    late = 1_790_000_000 * NANOSECONDS
+    state = Vector(stamp_ns=late, names=('x1', 'x2'), values=np.zeros(2))
+
+    view.begin()
+    frame = frame_of(view, [(topics.STATE, 0, pack_state(state))], scenario=None)
+
+    assert frame['restart']
+    assert frame['time'] == 0.0
+    assert frame['total_events'] == 0 and frame['camera_restarts'] == 0
+    assert 'scenario' not in frame and 'certificate' not in frame
+    assert not frame_of(view, [])['restart']
+
+
 def test_a_burst_of_events_is_thinned_and_counted_whole():
     view = LiveView()
     recorded = [(topics.EVENTS, 0, packet(k * PERIOD_NS, 900, 900 * k)) for k in range(3)]
@@ -175,4 +192,4 @@ def test_the_page_judges_nothing_by_itself():
     judged_by = re.findall(r"judge\('tile-[a-z]+', (.+)\);", script)
 
     assert len(judged_by) >= 4
-    assert all(re.fullmatch(r'newest\.\w+|[^<>]+ === 0', verdict) for verdict in judged_by)
+    assert all(re.fullmatch(r'newest\.\w+|[^<>]+ === 0|null', verdict) for verdict in judged_by)

@@ -67,6 +67,9 @@ def run(options: argparse.Namespace) -> int:
                 tool.spin(_FRAME_S)
                 if time.monotonic() >= next_question:
                     listener.look()
+                    if listener.finds_another_plant():
+                        view.begin()
+                        parameters.forget()
                     if scenario is None:
                         parameters.ask()
                     next_question = time.monotonic() + _ASK_PERIOD_S

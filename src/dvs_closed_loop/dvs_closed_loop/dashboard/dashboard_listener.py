@@ -31,6 +31,7 @@ class DashboardListener:
     def __init__(self, node: Node, view: LiveView) -> None:
         self._node = node
         self._fitting: list[FittingSubscription] = []
+        self._plants: set[bytes] = set()
         for topic in view.topics:
             qos = topics.stream_qos()
             qos.depth = _DEPTH
@@ -41,6 +42,19 @@ class DashboardListener:
         for fitting in self._fitting:
             if costs := fitting.look():
                 self._node.get_logger().warning(costs)
+
+    def finds_another_plant(self) -> bool:
+        """Whether all publishers of plants that there were are gone and others are there."""
+        plants = {
+            bytes(info.endpoint_gid)
+            for topic in (topics.LUMINOSITY, topics.STATE)
+            for info in self._node.get_publishers_info_by_topic(
+                self._node.resolve_topic_name(topic)
+            )
+        }
+        is_another = bool(plants and self._plants and not plants & self._plants)
+        self._plants = plants or self._plants
+        return is_another
 
 
 def _subscriber(

@@ -75,6 +75,7 @@ class LiveView:
         self._bound: FloatArray | None = None
         self._equilibrium: Equilibrium | None = None
         self._weights: FloatArray | None = None
+        self._begins = False
         self._forget()
 
     def _forget(self) -> None:
@@ -84,6 +85,16 @@ class LiveView:
         self._commands = 0
         self._luminosities.clear()
         self._marks.clear()
+
+    def begin(self) -> None:
+        """Begin a new run, of whose scenario nothing is known yet."""
+        for waiting in self._received.values():
+            waiting.clear()
+        self._estimates.clear()
+        self._newest_packet = b''
+        self._scenario = self._budget = self._equilibrium = self._bound = None
+        self._begins = True
+        self._forget()
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -146,7 +157,8 @@ class LiveView:
     ) -> Frame:
         self._know(scenario)
         packets = [parse_events(message) for message in received[topics.EVENTS]]
-        restarted = self._follow_time(received[topics.STATE], packets)
+        restarted = self._follow_time(received[topics.STATE], packets) or self._begins
+        self._begins = False
         for packet in packets:
             self._index.take(packet)
         self._commands += len(received[topics.COMMAND])

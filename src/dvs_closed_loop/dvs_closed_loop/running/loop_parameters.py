@@ -57,6 +57,11 @@ class LoopParameters:
                 request = GetParameters.Request(names=_NAMES[node])
                 self._asked[node] = _Asked(now, client.call_async(request))
 
+    def forget(self) -> None:
+        """Forget all answers: they are those of a loop that is gone."""
+        self._values.clear()
+        self._asked.clear()
+
     def _take(self, node: str, response: Any) -> None:
         # The answer of a node that does not know all of these names, as a driver, is empty.
         if response is not None and len(response.values) == len(_NAMES[node]):

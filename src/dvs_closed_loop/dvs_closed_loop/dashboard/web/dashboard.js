@@ -32,7 +32,10 @@ function take(frame) {
     byId('subtitle').textContent = frame.fault;
     return;
   }
-  if (frame.restart) forget();
+  if (frame.restart) {
+    forget();
+    scenario = null;
+  }
   if (frame.time > time || frame.restart) movedAt = performance.now();
   time = Math.max(time, frame.time);
   for (const name of Object.keys(kept)) {
@@ -390,6 +393,10 @@ function showFigures() {
     put('value-certificate', newest.certified ? 'holds' : 'none');
     put('note-certificate', `${word}: ${budget}`);
     judge('tile-certificate', newest.certified);
+  } else {
+    put('value-certificate', '–');
+    put('note-certificate', 'not reported yet');
+    judge('tile-certificate', null);
   }
   put('value-events', (newest.total_events || 0).toLocaleString('en'));
   const share = newest.total_events ? (100 * newest.on_events) / newest.total_events : null;
