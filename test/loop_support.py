@@ -33,6 +33,7 @@ PACKAGE = {
     'plant_sim': 'dvs_plant_sim',
     'pendulum_sim': 'dvs_plant_sim',
     'event_camera': 'dvs_event_camera',
+    'packet_bridge': 'dvs_event_camera',
     'scene': 'dvs_event_camera',
     'hinf_controller': 'dvs_hinf_controller',
     'closed_loop': 'dvs_closed_loop',

@@ -58,7 +58,7 @@ def test_bad_parameter_is_refused(executable, parameters, message, domain, proce
     assert len([line for line in lines if line.strip()]) == 1, output
 
 
-@pytest.mark.parametrize('executable', [*ALL, 'pendulum_sim', 'composed_loop'])
+@pytest.mark.parametrize('executable', [*ALL, 'pendulum_sim', 'composed_loop', 'packet_bridge'])
 def test_a_node_prints_its_help_and_refuses_unknown_arguments(executable, domain, processes):
     asked = start(executable, domain, ['--help'])
     mistaken = start(executable, domain, ['--params-file', 'none.yaml'])

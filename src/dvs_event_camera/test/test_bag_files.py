@@ -324,7 +324,11 @@ def test_words_of_evt3_go_on_from_message_to_message(events, tmp_path):
 
 
 def test_a_folder_that_is_no_bag_is_named(tmp_path):
-    with pytest.raises(ParameterError, match='is not a rosbag2'):
+    with pytest.raises(ParameterError, match=r'is not a rosbag2: .*\.db3$'):
+        BagFile(tmp_path)
+
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(ParameterError, match=f'there is a folder {tmp_path}/bag'):
         BagFile(tmp_path)
 
 

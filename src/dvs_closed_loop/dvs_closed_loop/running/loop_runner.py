@@ -16,7 +16,7 @@ from rclpy.task import Future
 
 from dvs_closed_loop.bags.recording import BagWriter
 from dvs_closed_loop.running.loop_progress import LoopProgress
-from dvs_closed_loop.running.processes import NodeProcess
+from dvs_closed_loop.running.processes import NodeProcess, ending
 from dvs_closed_loop.running.run_recorder import RunRecorder
 from dvs_common.errors import SuiteError
 from dvs_common.node.node_plan import NodePlan
@@ -147,7 +147,7 @@ class _RunningLoop:
                 self._receive_the_end()
                 return
         if plant.exit_code:
-            raise LoopError(f'{plant.name} ended with exit code {plant.exit_code}')
+            raise LoopError(f'{plant.name} {ending(plant.exit_code)}')
         self._receive_the_end()
 
     def _is_over_for_us(self) -> bool:
@@ -204,7 +204,7 @@ class _RunningLoop:
     def _check(self, processes: Sequence[NodeProcess]) -> None:
         for process in processes:
             if process.exit_code is not None:
-                raise LoopError(f'{process.name} ended with exit code {process.exit_code}')
+                raise LoopError(f'{process.name} {ending(process.exit_code)}')
 
     def _receive_the_end(self) -> None:
         lockstep = self._scenario.loop.mode == 'lockstep'

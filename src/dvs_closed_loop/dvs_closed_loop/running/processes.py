@@ -65,6 +65,19 @@ def program_path(plan: NodePlan) -> Path:
     return executable_path(plan.package, plan.executable)
 
 
+def ending(exit_code: int) -> str:
+    """How a process ended, in words.
+
+    Parameters
+    ----------
+    exit_code
+        Its exit code; of one that a signal has killed, less than 0.
+    """
+    if exit_code < 0:
+        return f'was killed by signal {-exit_code}'
+    return f'ended with exit code {exit_code}'
+
+
 class NodeProcess:
     """One running node.
 

@@ -61,7 +61,7 @@ def _exit_code(
     options: Sequence[str],
 ) -> int:
     try:
-        answer = _answer(command_line, options)
+        answer = answer_of(command_line, help_text=_HELP, options=options)
         if answer is not None:
             return answer
         with ros_session(command_line) as ros:
@@ -83,11 +83,33 @@ def _exit_code(
         return 0
 
 
-def _answer(command_line: Sequence[str], options: Sequence[str]) -> int | None:
-    """Exit code of a command line that asks for help or is mistaken; None for one to start."""
+def answer_of(
+    command_line: Sequence[str], *, help_text: str, options: Sequence[str] = ()
+) -> int | None:
+    """Answer a command line that asks for help or is mistaken.
+
+    Parameters
+    ----------
+    command_line
+        The program's name and its arguments.
+    help_text
+        What ``--help`` prints, with ``{program}`` for the name.
+    options
+        What else may stand in the command line.
+
+    Returns
+    -------
+    int or None
+        Exit code; None for a command line to start with.
+
+    Raises
+    ------
+    ParameterError
+        If ROS refuses its arguments.
+    """
     program, *others = own_arguments(command_line)
     if '--help' in others or '-h' in others:
-        print(_HELP.format(program=Path(program).name))
+        print(help_text.format(program=Path(program).name))
         return 0
     for argument in others:
         if argument not in options:

@@ -107,8 +107,12 @@ class BagFile:
             (file for file in self.path.iterdir() if _storage_suffix(file)), key=_natural
         )
         if not files:
+            inside = self.path / 'bag'
+            hint = f'; there is a folder {inside}' if inside.is_dir() else ''
             raise ParameterError(
-                'bag', self.path, 'is not a rosbag2: holds no metadata.yaml and no .mcap or .db3'
+                'bag',
+                self.path,
+                f'is not a rosbag2: holds no metadata.yaml and no .mcap or .db3{hint}',
             )
         return files
 

@@ -12,6 +12,7 @@ from sensor_msgs.msg import PointCloud2
 
 from dvs_common.errors import ParameterError
 from dvs_common.node.session import ros_session
+from dvs_common.node.spin import answer_of
 from dvs_common.wire import topics
 from dvs_common.wire.cdr import MessageError
 from dvs_common.wire.events import pack_events
@@ -20,6 +21,10 @@ from dvs_event_camera.streams.pixel_map import PixelMap
 from dvs_event_camera.tools.packet_type import event_packet_type
 
 _DEPTH = 1000
+_HELP = """usage: {program} [--ros-args [-p NAME:=VALUE] [-r FROM:=TO] ...]
+
+A ROS 2 node: EventPacket messages of a driver on events_packet become events. Parameters are
+region, binning and masked_pixels; docs/hardware.md explains them."""
 
 
 class PacketBridgeNode(Node):
@@ -67,8 +72,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Command line with ROS arguments; `sys.argv` by default.
     """
+    command_line = sys.argv if arguments is None else arguments
     try:
-        with ros_session(sys.argv if arguments is None else arguments) as ros:
+        answer = answer_of(command_line, help_text=_HELP)
+        if answer is not None:
+            return answer
+        with ros_session(command_line) as ros:
             ros.add(PacketBridgeNode(event_packet_type()))
             while not ros.ended:
                 ros.turn()

@@ -112,6 +112,12 @@ def _head(axes: Axes, title: str, **legend: float) -> None:
     )
 
 
+def _show_whole_time(axes: Axes, trace: Trace) -> None:
+    """The same axis in every panel."""
+    if trace.times_s[-1] > trace.times_s[0]:
+        axes.set_xlim(trace.times_s[0], trace.times_s[-1])
+
+
 class PowersOfTen(LogFormatter):
     """Labels such as 10⁻² and 2×10⁻² in plain text: a formula takes as long as a panel."""
 
@@ -144,8 +150,11 @@ def _draw_error(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict) 
         scenario.objective.tolerance, color=VERMILION, ls='--', lw=1, label='tolerance eps'
     )
     weighted = bool(scenario.objective.error_weights)
-    label = 'error ||W (x - x_d)||' if weighted else 'error ||x - x_d|| [state units]'
+    label = (
+        'error ||W (x - x_d)|| [units of W x]' if weighted else 'error ||x - x_d|| [state units]'
+    )
     axes.set(xlabel='time [s]', ylabel=label)
+    _show_whole_time(axes, trace)
     _head(axes, 'Error')
     axes.grid(alpha=0.3, which='both')
 
@@ -158,6 +167,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
             axes.axhline(bound, color=VERMILION, ls='--', lw=1)
         axes.plot([], [], '--', color=VERMILION, lw=1, label='set-point x_d ± eps')
         axes.set(xlabel='time [s]', ylabel='x1 [state units]')
+        _show_whole_time(axes, trace)
         _head(axes, 'State')
         axes.grid(alpha=0.3)
         return
@@ -171,7 +181,7 @@ def _draw_phase_portrait(axes: Axes, trace: Trace, scenario: Scenario, verdict: 
     )
     axes.set_title(phase_portrait_title(centre.size), loc='left')
     axes.set_aspect('equal', adjustable='datalim')
-    axes.legend(loc='best', frameon=False)
+    axes.legend(loc='best', edgecolor='none', framealpha=0.85)
     axes.grid(alpha=0.3)
 
 
@@ -205,7 +215,7 @@ def _draw_events(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict)
             rasterized=len(times) > _MOST_VECTOR_EVENTS,
         )
     axes.set(xlabel='time [s]', ylabel='pixel [row-major number]')
-    axes.set_xlim(trace.times_s[0], trace.times_s[-1])
+    _show_whole_time(axes, trace)
     pixel_count = trace.luminosities.shape[1]
     axes.set_ylim(-0.6, pixel_count - 0.4)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
@@ -218,6 +228,7 @@ def _draw_estimate(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdic
         trace.times_s, trace.estimates[:, 0], where='post', color=BLUE, lw=0.9, label='estimate z'
     )
     axes.set(xlabel='time [s]', ylabel='luminosity [luminosity units]')
+    _show_whole_time(axes, trace)
     _head(axes, 'Estimate of pixel 0')
     axes.grid(alpha=0.3)
 
@@ -233,6 +244,7 @@ def _draw_command(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict
             label=f'u{i + 1}',
         )
     axes.set(xlabel='time [s]', ylabel='command u_o [input units]')
+    _show_whole_time(axes, trace)
     _head(axes, 'Command')
     axes.grid(alpha=0.3)
 
@@ -244,6 +256,7 @@ def _draw_sector(axes: Axes, trace: Trace, scenario: Scenario, verdict: Verdict)
     axes.plot(trace.times_s, np.fmax.reduce(relative, axis=1), color=BLUE, lw=0.9)
     axes.axhline(verdict.delta_z, color=VERMILION, ls='--', lw=1, label='sector bound delta_z')
     axes.set(xlabel='time [s]', ylabel='max |z - y| / |y|')
+    _show_whole_time(axes, trace)
     _head(axes, 'Relative error of the estimate')
     axes.grid(alpha=0.3)
 
