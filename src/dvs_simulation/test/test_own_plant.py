@@ -7,6 +7,7 @@ import pytest
 
 from dvs_common.scenario.scenario import load_scenario
 from dvs_simulation.cli import main
+from dvs_simulation.commands import sweep
 from dvs_simulation.exact import ClosedLoop, simulate
 from dvs_simulation.judging.trace import decode_trace
 from dvs_simulation.sampled.sampled_loop import run_sampled
@@ -95,3 +96,15 @@ def test_a_constant_load_moves_the_exact_loop_and_the_sampled_one_alike():
 
     assert np.abs(exact.states - trace.states).max() < 2e-3
     assert np.abs(free.states - trace.states).max() > 1e-2
+
+
+def test_each_scenario_has_a_file_of_its_name(monkeypatch, tmp_path, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep, 'run_study', interrupted)
+    for stem in ('mirror_r1', 'paper_r1'):
+        file = FILE.with_name(f'{stem}.yaml')
+        arguments = ['--study', 'threshold', '--params-file', str(file)]
+        assert main(['sweep', *arguments, '--output', str(tmp_path)]) == 0
+        assert f'{tmp_path}/own_plant-{stem}.csv' in capsys.readouterr().out

@@ -222,13 +222,13 @@ class SceneNode(Node):
             )
 
     def _await_subscriber(self, stop: StopSignal) -> None:
-        """Wait for the first reader, since frames without a subscriber are lost."""
-        if self._publisher.get_subscription_count():
-            return
-        print(
-            f'waiting for a subscriber of {self._publisher.topic_name} (--no-wait: begin at once)',
-            file=sys.stderr,
-        )
+        """Wait for the first reader to know us: frames without a subscriber are lost."""
+        if not self._publisher.get_subscription_count():
+            print(
+                f'waiting for a subscriber of {self._publisher.topic_name} '
+                '(--no-wait: begin at once)',
+                file=sys.stderr,
+            )
         while not stop.received and not self._publisher.get_subscription_count():
             time.sleep(_PATIENCE_S)
         _pause_until(time.monotonic() + _SETTLE_S, stop)

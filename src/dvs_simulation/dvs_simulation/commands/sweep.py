@@ -100,7 +100,9 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and value < least:
             raise ParameterError(name, value, f'must be >= {least}')
     study = _study(options)
-    path = output_file(options.output, f'{study.name}.csv')
+    # The plant of one file is another study than that of the next.
+    scenario = f'-{options.params_file.stem}' if options.params_file else ''
+    path = output_file(options.output, f'{study.name}{scenario}.csv')
     try:
         table = run_study(
             study,

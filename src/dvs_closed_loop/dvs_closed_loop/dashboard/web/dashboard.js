@@ -127,7 +127,7 @@ class Plot {
     c.fillStyle = COLOURS.soft;
     c.textAlign = 'center';
     c.textBaseline = 'top';
-    const xs = niceTicks(...xRange, Math.max(2, this.inner.w / 90));
+    const xs = niceTicks(...xRange, Math.max(2, this.inner.w / 70));
     for (const tick of xs.ticks) {
       this.rule(this.x(tick), this.inner.y, this.x(tick), this.inner.y + this.inner.h);
       c.fillText(tick.toFixed(xs.digits), this.x(tick), this.inner.y + this.inner.h + 6);
@@ -149,7 +149,7 @@ class Plot {
 
   valueTicks(range, log) {
     if (!log) {
-      const { ticks, digits } = niceTicks(...range, Math.max(3, this.inner.h / 48));
+      const { ticks, digits } = niceTicks(...range, Math.max(2, this.inner.h / 28));
       return ticks.map((tick) => [tick, tick.toFixed(digits)]);
     }
     const ticks = [];
