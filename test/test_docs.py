@@ -118,13 +118,35 @@ def test_the_table_of_questions_names_files_that_define_the_answer():
         assert definition(source_file(file), name) is not None, (question, file, name)
 
 
-def test_the_table_of_the_ground_floor_has_every_module():
+def test_the_table_of_dvs_common_has_every_module():
     text = (DOCS / 'architecture.md').read_text(encoding='utf-8')
     table = text.partition('## `dvs_common`, module by module')[2].partition('\n\nThe running')[0]
     modules = {path.stem for path in (ROOT / 'src/dvs_common/dvs_common').rglob('*.py')}
 
     assert len(table) > 1000
     assert sorted(modules - {'__init__'} - set(re.findall(r'`(\w+)`', table))) == []
+
+
+def rooms(package):
+    """Folders of a package that hold modules of their own."""
+    code = ROOT / 'src' / package / package
+    return {path.parent for path in code.glob('*/__init__.py')} or {code}
+
+
+def test_every_room_of_every_package_has_its_paragraph():
+    text = (DOCS / 'architecture.md').read_text(encoding='utf-8')
+    parts = re.split(r'(?m)^### `(dvs_\w+)`.*$', text.partition('\n## The way')[0])[1:]
+    assert set(parts[::2]) == {path.name for path in (ROOT / 'src').glob('dvs_*')}
+
+    for package, part in zip(parts[::2], parts[1::2], strict=True):
+        paragraphs = re.findall(
+            r'(?ms)^(?:- \*\*`(\w+)/`\*\*|One room:) (.*?)(?=^- |\n\n|\Z)', part
+        )
+        assert {name or package for name, _ in paragraphs} == {r.name for r in rooms(package)}
+        for name, paragraph in paragraphs:
+            folder = ROOT / 'src' / package / package / name
+            first = re.findall(r'`(\w+\.py)`', paragraph.rpartition(': ')[2])
+            assert first and all((folder / module).is_file() for module in first), paragraph
 
 
 def test_the_way_of_an_event_names_files_that_exist():
