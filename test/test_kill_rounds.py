@@ -36,7 +36,7 @@ class Rounds:
         self.file = CONFIG / FILES[mode]
         self.scenario = load_scenario(self.file)
         self.running = {}
-        self.exact_windows = self.certified_windows = 0
+        self.exact_windows = self.certified_windows = self.judged_windows = 0
         self.luminosity, self.estimate, self.states = {}, {}, []
         self.health = {}
         node = operator.node
@@ -112,7 +112,12 @@ class Rounds:
         return False
 
     def ratio_while_exact(self):
-        """Worst |z - y| / (delta |y|) over a window at both ends of which the counts are exact."""
+        """Worst |z - y| / (delta |y|) over a window in which the counts are exact.
+
+        They are at both ends, and nothing was lost between them: a loss is recognised at once, and
+        put right before the next report.
+        """
+        losses = self._losses()
         before, was_certified = self._exact_error_bound(), self._is_certified()
         self.luminosity.clear()
         self.estimate.clear()
@@ -125,6 +130,9 @@ class Rounds:
         stamps = self.luminosity.keys() & self.estimate.keys()
         self.exact_windows += bool(stamps)
         self.certified_windows += bool(stamps) and was_certified and self._is_certified()
+        if losses != self._losses():
+            return 0.0
+        self.judged_windows += bool(stamps)
         ratios = [
             np.abs(self.estimate[s] - self.luminosity[s]) / np.abs(self.luminosity[s])
             for s in stamps
@@ -136,6 +144,10 @@ class Rounds:
         if values.get('estimator') != 'exact' and not self._is_certified():
             return None
         return math.tanh(float(values['h ln b']) + float(values['max w']))
+
+    def _losses(self):
+        values = self._controller_values()
+        return values.get('events lost'), values.get('resynchronisations')
 
     def _is_certified(self):
         return self._controller_values().get('certificate', '').startswith('certified now')

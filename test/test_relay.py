@@ -92,10 +92,12 @@ def relayed(seed, samples, domain, processes, mode='lockstep'):
         assert rounds.is_inside() or (mode == 'realtime' and rounds.has_named_an_error()), (
             rounds.health
         )
-        ratio = rounds.ratio_while_exact()
-        assert ratio <= 1 + ROUNDING, (ratio, rounds.health)
+        for _ in range(3):
+            ratio = rounds.ratio_while_exact()
+            assert ratio <= 1 + ROUNDING, (ratio, rounds.health)
         disturbed = relay.disturbed
         assert rounds.exact_windows > 2
+        assert rounds.judged_windows or rounds.has_named_an_error(), rounds.health
     stop_all(processes)
     return disturbed
 
