@@ -88,9 +88,7 @@ class LiveView:
 
     def begin(self) -> None:
         """Begin a new run, of whose scenario nothing is known yet."""
-        for waiting in self._received.values():
-            waiting.clear()
-        self._estimates.clear()
+        self._drop_waiting()
         self._newest_packet = b''
         self._scenario = self._budget = self._equilibrium = self._bound = None
         self._begins = True
@@ -140,13 +138,16 @@ class LiveView:
         """
         received = {topic: list(messages) for topic, messages in self._received.items()}
         estimates = list(self._estimates)
-        for waiting in self._received.values():
-            waiting.clear()
-        self._estimates.clear()
+        self._drop_waiting()
         try:
             return self._frame(received, estimates, scenario, wall_s)
         except MessageError as error:
             return {'fault': f'a message breaks the wire contract: {error}'}
+
+    def _drop_waiting(self) -> None:
+        for waiting in self._received.values():
+            waiting.clear()
+        self._estimates.clear()
 
     def _frame(
         self,

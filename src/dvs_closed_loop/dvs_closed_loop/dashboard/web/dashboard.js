@@ -46,10 +46,10 @@ function take(frame) {
     if (old > 500 || old === list.length) list.splice(0, old);
   }
   if (frame.scenario) scenario = frame.scenario;
-  for (const last of ['ratio', 'in_sector', 'within_tolerance']) {
-    if (frame[last] === null && !frame.restart) frame[last] = newest[last];
+  if (!frame.restart && frames) {
+    for (const last of ['ratio', 'in_sector', 'within_tolerance']) frame[last] ??= newest[last];
+    if (!frame.pixels.length) frame.pixels = newest.pixels;
   }
-  if (!frame.pixels.length && newest.pixels) frame.pixels = newest.pixels;
   newest = frame;
   frames += 1;
   dirty = true;
